@@ -1,0 +1,269 @@
+"""A campaign: a campaign.toml, the system it names, and its recordings."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+import zipfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from lxml import etree
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from orchestrator.diagnosis.errors import CampaignError
+from orchestrator.diagnosis.recording import Connector, Recording, Role, read_recording
+
+SYSTEMS = next(
+    (d for d in (Path(__file__).parents[1] / "systems", Path(__file__).parents[2] / "systems") if d.is_dir()),
+    Path(__file__).parents[1] / "systems",
+)
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How far a healthy parameter may be off: relative to its nominal value, or between two values."""
+
+    relative: float | None = None
+    between: tuple[float, float] | None = None
+
+    def bounds(self, nominal: float) -> tuple[float, float]:
+        """(lower, upper) around `nominal`"""
+        if self.between is not None:
+            return self.between
+        assert self.relative is not None
+        return nominal - self.relative * abs(nominal), nominal + self.relative * abs(nominal)
+
+
+def _tolerance(given: Any) -> Tolerance:
+    if isinstance(given, Tolerance):
+        return given
+    if isinstance(given, str) and (percent := re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*%\s*", given)):
+        return Tolerance(relative=float(percent[1]) / 100)
+    if (
+        isinstance(given, list)
+        and len(given) == 2
+        and all(isinstance(v, (int, float)) for v in given)
+        and given[0] < given[1]
+    ):
+        return Tolerance(between=(float(given[0]), float(given[1])))
+    raise ValueError(f'{given!r} is given, "20 %" or [lower, upper] is allowed')
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
+
+
+class Logged(_Model):
+    """What the logger's data sheet says of a channel; what a recording then shows is estimated from the recording."""
+
+    unit: str
+    causality: Literal["input", "output"]
+    noise: float | None = None  # white, 1 sigma
+    step: float | None = None  # of the converter
+    range: float | None = None  # +-
+    setups: list[str] | None = None  # where it exists; None: in all
+
+
+class RecordingEntry(_Model):
+    """One [[recording]] of campaign.toml."""
+
+    file: str
+    setup: str | None = None
+    role: Role = "train"
+    initial: dict[str, float | Literal["first sample"]] = Field(default_factory=dict)
+    time: str | None = None  # the clock's column, where it has an unusual name
+
+
+class CampaignFile(_Model):
+    """campaign.toml, and the defaults `<system>.campaign.toml` that a shipped system brings."""
+
+    title: str = "untitled"
+    system: str = "joint"
+    setups: dict[str, str] = Field(default_factory=dict)  # set-up -> its .ssd or .ssp
+    channels: dict[str, str] = Field(default_factory=dict)  # column -> connector
+    tolerances: dict[str, Annotated[Tolerance, BeforeValidator(_tolerance)]] = Field(default_factory=dict)
+    logged: dict[str, Logged] = Field(default_factory=dict)
+    recording: list[RecordingEntry] = Field(default_factory=list)
+
+
+@dataclass
+class Campaign:
+    """Everything a diagnosis starts from."""
+
+    title: str
+    path: Path
+    system: str
+    setups: dict[str, Path]
+    channels: dict[str, str]
+    tolerances: dict[str, Tolerance]
+    logged: dict[str, Logged]
+    recordings: list[Recording]
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def train(self) -> list[Recording]:
+        """What may be fitted."""
+        return [r for r in self.recordings if r.role == "train"]
+
+    @property
+    def holdout(self) -> list[Recording]:
+        """What is scored and never fitted."""
+        return [r for r in self.recordings if r.role == "holdout"]
+
+    @property
+    def outputs(self) -> list[str]:
+        """Compared connectors, in the order in which recordings bring them."""
+        return list(dict.fromkeys(name for r in self.recordings for name in r.outputs))
+
+
+def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout")) -> Campaign:
+    """Read campaign.toml and the recordings of the given roles. Raises CampaignError with one line that says what, where and what is allowed."""
+    path = Path(path)
+    if path.is_dir():
+        path = path / "campaign.toml"
+    given = _read(path)
+    if not given.recording:
+        raise CampaignError(f"{path}: no [[recording]] is given, one at least is needed")
+    defaults, setups = _system(path, given)
+    logged = defaults.logged | given.logged
+    channels = given.channels or defaults.channels
+    recordings = []
+    for entry in given.recording:
+        setup = entry.setup or next(iter(setups))
+        if setup not in setups:
+            raise CampaignError(
+                f"{path}: recording {entry.file!r}: setup {setup!r} is given, {' or '.join(setups)} is allowed"
+            )
+        if entry.role not in roles:
+            continue
+        connectors = _connectors(setups[setup], setup, logged, channels)
+        recordings.append(
+            read_recording(
+                path.parent / entry.file,
+                connectors,
+                channels or {name: name for name in connectors},
+                role=entry.role,
+                setup=setup,
+                initial=entry.initial,
+                time_column=entry.time,
+            )
+        )
+    names = [r.name for r in recordings]
+    for recording in recordings:  # a.csv beside a.parquet
+        if names.count(recording.name) > 1 and recording.path:
+            recording.name = recording.path.name
+    return Campaign(
+        given.title, path, given.system, setups, channels, defaults.tolerances | given.tolerances, logged, recordings
+    )
+
+
+def _read(path: Path) -> CampaignFile:
+    try:
+        return CampaignFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    except FileNotFoundError as error:
+        raise CampaignError(f"{path}: there is no such campaign file") from error
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise CampaignError(f"{path}: not a TOML file: {error}") from error
+    except ValidationError as error:
+        raise CampaignError(f"{path}: {_first(error)}") from error
+
+
+def _first(error: ValidationError) -> str:
+    """The first finding of pydantic, in one line."""
+    finding = error.errors()[0]
+    where = ".".join(str(part) for part in finding["loc"])
+    if finding["type"] == "extra_forbidden":
+        parent: Any = CampaignFile
+        if finding["loc"][0] == "recording":
+            parent = RecordingEntry
+        elif finding["loc"][0] == "logged":
+            parent = Logged
+        return f"{where}: no such key, allowed are {', '.join(parent.model_fields)}"
+    message = finding["msg"].removeprefix("Value error, ")
+    return f"{where}: {message}" if "is given" in message else f"{where}: {finding['input']!r} is given; {message}"
+
+
+def _system(path: Path, given: CampaignFile) -> tuple[CampaignFile, dict[str, Path]]:
+    """Defaults that come with the system, and set-up -> system file."""
+    if given.system.endswith((".ssp", ".ssd")):
+        file = path.parent / given.system
+        if not file.is_file():
+            raise CampaignError(f"{path}: system {given.system!r}: there is no {file}")
+        defaults, folder, single = CampaignFile(), path.parent, file
+    else:
+        sidecar = SYSTEMS / f"{given.system}.campaign.toml"
+        if not sidecar.is_file():
+            shipped = ", ".join(sorted(f.name.removesuffix(".campaign.toml") for f in SYSTEMS.glob("*.campaign.toml")))
+            raise CampaignError(
+                f"{path}: system {given.system!r} is given, {shipped} or an .ssp or .ssd file is allowed"
+            )
+        defaults, folder, single = _read(sidecar), SYSTEMS, SYSTEMS / f"{given.system}.ssd"
+    setups = {name: folder / file for name, file in (defaults.setups | given.setups).items()}
+    if given.setups:
+        setups |= {name: path.parent / file for name, file in given.setups.items()}
+    return defaults, setups or {"default": single}
+
+
+def _connectors(system: Path, setup: str, logged: dict[str, Logged], channels: dict[str, str]) -> dict[str, Connector]:
+    """Connectors of a set-up that recordings may belong to: the logger's channels, and what [channels] names in the system file."""
+    found = {
+        name: Connector(name, channel.causality, channel.unit)
+        for name, channel in logged.items()
+        if channel.setups is None or setup in channel.setups
+    }
+    if set(channels.values()) <= set(logged) and found:
+        return found
+    offered = system_connectors(system)
+    for column, name in channels.items():
+        if name not in logged and name not in offered:
+            raise CampaignError(
+                f"[channels] {column!r} = {name!r}: {system.name} has no such connector, it has {', '.join(offered)}"
+            )
+    wanted = set(channels.values()) - set(logged)
+    return found | {name: connector for name, connector in offered.items() if not channels or name in wanted}
+
+
+def system_connectors(path: Path) -> dict[str, Connector]:
+    """Inputs and outputs of a system: its own connectors by name, those of its components as `component.connector`."""
+    try:
+        if path.suffix == ".ssp":
+            with zipfile.ZipFile(path) as archive:
+                text = archive.read("SystemStructure.ssd")
+        else:
+            text = path.read_bytes()
+        root = etree.fromstring(text, etree.XMLParser(resolve_entities=False, no_network=True))
+    except (OSError, KeyError, zipfile.BadZipFile, etree.XMLSyntaxError) as error:
+        raise CampaignError(f"{path}: not a system (SSP): {error}") from error
+    ssd = {"ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription"}
+    connectors: dict[str, Connector] = {}
+
+    def collect(element: etree._Element, prefix: str) -> None:
+        for connector in element.iterfind("ssd:Connectors/ssd:Connector", ssd):
+            if connector.get("kind") in ("input", "output"):
+                real = next((child for child in connector if etree.QName(child).localname == "Real"), None)
+                name = prefix + connector.get("name", "")
+                connectors[name] = Connector(
+                    name, connector.get("kind"), real.get("unit") if real is not None else None
+                )
+        for child in element.iterfind("ssd:Elements/*", ssd):
+            collect(child, f"{prefix}{child.get('name')}.")
+
+    system = root.find("ssd:System", ssd)
+    if system is None:
+        raise CampaignError(f"{path}: its SystemStructureDescription holds no System")
+    collect(system, "")
+    return connectors
+
+
+__all__ = [
+    "Campaign",
+    "CampaignError",
+    "Connector",
+    "Logged",
+    "Recording",
+    "Tolerance",
+    "load_campaign",
+    "system_connectors",
+]

@@ -1,0 +1,255 @@
+"""One recorded run, on one regular clock and in the system's units; whatever had to be repaired is said in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestrator.diagnosis.errors import CampaignError
+from orchestrator.diagnosis.formats import Channel, read_channels
+from orchestrator.diagnosis.quantity import convert, split_header
+
+Role = Literal["train", "holdout"]
+GAP = 2.5  # steps between two samples above which what lies between counts as not recorded
+JITTER = 1e-3  # steps by which a stamp may miss the regular clock before its samples are interpolated onto it
+
+
+@dataclass(frozen=True)
+class Connector:
+    """What a recorded channel belongs to: a connector of the system."""
+
+    name: str
+    causality: Literal["input", "output"]
+    unit: str | None = None
+
+
+@dataclass
+class Recording:
+    """One run. All arrays share `time`: regular, ascending, (n,).
+
+    Inputs drive the system, linear between samples and finite throughout. Outputs are compared with it; NaN marks samples that were not
+    recorded. Keys are connectors of the system.
+    """
+
+    name: str
+    role: Role
+    setup: str
+    time: NDArray[np.float64]
+    inputs: dict[str, NDArray[np.float64]]
+    outputs: dict[str, NDArray[np.float64]]
+    units: dict[str, str]
+    initial: dict[str, float] = field(default_factory=dict)
+    columns: dict[str, str] = field(default_factory=dict)  # connector -> column as recorded
+    notes: list[str] = field(default_factory=list)
+    path: Path | None = None
+
+    @property
+    def step(self) -> float:
+        """s between two samples"""
+        return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
+
+
+def read_recording(
+    path: Path,
+    connectors: Mapping[str, Connector],
+    columns: Mapping[str, str],
+    *,
+    role: Role = "train",
+    setup: str = "default",
+    initial: Mapping[str, float | str] | None = None,
+    time_column: str | None = None,
+) -> Recording:
+    """Read a file and put it on one regular clock.
+
+    connectors: those of this set-up's system, by name. columns: column -> connector; a column may carry its unit in brackets, for files that
+    cannot. initial: variable of the system -> value, or "first sample" of the channel of that name. Raises CampaignError.
+    """
+    notes: list[str] = []
+    units_of_columns = dict(map(split_header, columns))
+    connector_of = {split_header(column)[0]: connector for column, connector in columns.items()}
+    raw: dict[str, Channel] = {}
+    for channel in read_channels(path, time_column):
+        if channel.name not in connector_of:
+            notes.append(f"{channel.name} is not connected to the system and not used")
+        elif connector_of[channel.name] in connectors:
+            raw[connector_of[channel.name]] = channel
+        else:
+            notes.append(
+                f"{channel.name} has no connector {connector_of[channel.name]!r} in set-up {setup!r} and is not used"
+            )
+    time = _regular_clock(path, raw, notes)
+    inputs, outputs, units = {}, {}, {}
+    for name, channel in raw.items():
+        where = f"{path}: column {channel.name!r}"
+        stated = units_of_columns[channel.name]
+        if stated and channel.unit:  # the two must at least convert
+            convert(np.zeros(1), channel.unit, stated, where)
+        values, units[name] = convert(channel.values, channel.unit or stated, connectors[name].unit, where)
+        series = _resample(channel.name, channel.time, values, time, notes)
+        if connectors[name].causality == "output":
+            outputs[name] = series
+        else:
+            inputs[name] = _fill(path, channel.name, time, series, notes)
+    if not outputs:
+        allowed = ", ".join(
+            column for column, name in columns.items() if name in connectors and connectors[name].causality == "output"
+        )
+        raise CampaignError(
+            f"{path}: none of its columns is an output of the system to compare with; known are {allowed or 'none'}"
+        )
+    for name in sorted(set(connectors) & set(connector_of.values()) - set(raw)):
+        kept = "and stays at its start value" if connectors[name].causality == "input" else "and is not compared"
+        notes.append(f"{name} is not recorded {kept}")
+    return Recording(
+        name=path.stem,
+        role=role,
+        setup=setup,
+        time=time,
+        inputs=inputs,
+        outputs=outputs,
+        units=units,
+        initial=_initial(path, initial or {}, inputs | outputs),
+        columns={name: channel.name for name, channel in raw.items()},
+        notes=notes,
+        path=path,
+    )
+
+
+def _regular_clock(path: Path, raw: Mapping[str, Channel], notes: list[str]) -> NDArray[np.float64]:
+    """The fastest channel's median step, over the time that all channels share. Puts each channel's own clock in order first."""
+    if not raw:
+        raise CampaignError(f"{path}: none of its columns belongs to the system")
+    clocks: dict[int, Channel] = {}
+    for name, channel in raw.items():
+        key = id(channel.time)
+        if key not in clocks:
+            clocks[key] = channel
+    ordered = {}
+    for key, channel in clocks.items():
+        whose = "the clock" if len(clocks) == 1 else f"the clock of {channel.name}"
+        ordered[key] = _in_order(path, whose, channel.time, notes)
+    for name, channel in list(raw.items()):
+        keep = ordered[id(channel.time)]
+        raw[name] = Channel(channel.name, channel.unit, channel.time[keep], channel.values[keep])  # type: ignore[index]
+    times = list({id(c.time): c.time for c in raw.values()}.values())
+    if min(map(len, times)) < 3:
+        raise CampaignError(f"{path}: {min(map(len, times))} usable samples are given, 3 at least are needed")
+    step = min(_nice(float(np.median(np.diff(t)))) for t in times)
+    start, stop = max(t[0] for t in times), min(t[-1] for t in times)
+    if stop - start < 2 * step:
+        raise CampaignError(
+            f"{path}: its channels share {max(stop - start, 0.0):g} s, 2 steps of {step:g} s at least are needed"
+        )
+    return np.asarray(start + step * np.arange(int(np.floor((stop - start) / step + 1e-6)) + 1))
+
+
+def _nice(step: float) -> float:
+    """A median of differences carries rounding (0.0009999999999994): the nearest number of four digits, if it is that."""
+    rounded = float(f"{step:.4g}")
+    return rounded if abs(rounded - step) < 1e-6 * step else step
+
+
+def _in_order(path: Path, whose: str, time: NDArray[np.float64], notes: list[str]) -> NDArray[np.intp]:
+    """Indices of samples whose stamps ascend: unreadable and repeated stamps dropped, strays sorted, a clock that restarts cut."""
+    keep = np.flatnonzero(np.isfinite(time))
+    if len(keep) < len(time):
+        notes.append(f"{whose} has {len(time) - len(keep)} unreadable time stamps, dropped")
+    back = np.flatnonzero(np.diff(time[keep]) < 0)
+    if len(back):
+        order = keep[np.argsort(time[keep], kind="stable")]
+        moved = int(np.max(np.abs(np.argsort(order, kind="stable") - np.arange(len(order)))))
+        if moved <= max(10, len(keep) // 1000):
+            notes.append(f"{whose} runs backward {len(back)} times, by at most {moved} samples, sorted")
+            keep = order
+        else:  # the clock restarts: two runs in one file cannot be told to be one
+            pieces = np.split(keep, back + 1)
+            longest = max(pieces, key=len)
+            notes.append(
+                f"{whose} restarts {len(back)} times (first at {time[keep[back[0]]]:g} s); the longest piece is used, "
+                f"{time[longest[0]]:g} to {time[longest[-1]]:g} s, and {len(keep) - len(longest)} of {len(keep)} samples are not"
+            )
+            keep = longest
+    fresh = np.concatenate([[True], np.diff(time[keep]) > 0]) if len(keep) else np.zeros(0, dtype=bool)
+    if not fresh.all():
+        notes.append(f"{whose} repeats {int((~fresh).sum())} time stamps, the first sample of each is used")
+    return keep[fresh]
+
+
+def _resample(
+    name: str, time: NDArray[np.float64], values: NDArray[np.float64], clock: NDArray[np.float64], notes: list[str]
+) -> NDArray[np.float64]:
+    """Values on the regular clock, linear in between; NaN where the recording has a gap or no value."""
+    step = clock[1] - clock[0]
+    valid = np.isfinite(values)
+    if not valid.any():
+        notes.append(f"{name} has no values")
+        return np.full(len(clock), np.nan)
+    if not valid.all():
+        notes.append(f"{name} has no value in {int((~valid).sum())} of {len(values)} samples, left out")
+    t, x = time[valid], values[valid]
+    inside = np.clip(np.searchsorted(t, clock, side="right") - 1, 0, max(len(t) - 2, 0))
+    nearest = np.where(
+        np.abs(t[inside] - clock) <= np.abs(t[np.minimum(inside + 1, len(t) - 1)] - clock),
+        inside,
+        np.minimum(inside + 1, len(t) - 1),
+    )
+    miss = np.abs(t[nearest] - clock)
+    own = float(np.median(np.diff(t))) if len(t) > 1 else step
+    between = np.interp(clock, t, x)
+    series = np.where(miss <= JITTER * step, x[nearest], between)
+    # a gap: further apart than the channel's own steps, and not a sample of the channel itself
+    width = np.diff(t)[inside] if len(t) > 1 else np.zeros(len(clock))
+    lost = (
+        (miss > JITTER * step) & (width > GAP * max(own, step))
+        | (clock < t[0] - JITTER * step)
+        | (clock > t[-1] + JITTER * step)
+    )
+    moved = (miss > JITTER * step) & ~lost
+    if moved.any():
+        notes.append(
+            f"{name}: {int(moved.sum())} of {len(clock)} samples are off the regular clock of {step:g} s (by up to {miss[moved].max():.2g} s), interpolated"
+        )
+    if lost.any():
+        gaps = int(np.sum(np.diff(np.concatenate([[0], lost.astype(int)])) == 1))
+        notes.append(
+            f"{name}: {gaps} gaps, {int(lost.sum())} of {len(clock)} samples, first at {clock[np.argmax(lost)]:g} s"
+        )
+    return np.where(lost, np.nan, series)
+
+
+def _fill(
+    path: Path, name: str, time: NDArray[np.float64], series: NDArray[np.float64], notes: list[str]
+) -> NDArray[np.float64]:
+    """An input must be known throughout: bridged in a straight line where it was not recorded."""
+    lost = ~np.isfinite(series)
+    if lost.mean() > 0.5:
+        raise CampaignError(
+            f"{path}: input {name!r} is recorded {100 * (1 - lost.mean()):.0f} % of the time, half at least is needed"
+        )
+    if lost.any():
+        notes.append(
+            f"{name} drives the system: {int(lost.sum())} samples that were not recorded are bridged in a straight line"
+        )
+        series = np.interp(time, time[~lost], series[~lost])
+    return series
+
+
+def _initial(
+    path: Path, initial: Mapping[str, float | str], series: Mapping[str, NDArray[np.float64]]
+) -> dict[str, float]:
+    values: dict[str, float] = {}
+    for name, given in initial.items():
+        if isinstance(given, (int, float)):
+            values[name] = float(given)
+        elif given == "first sample" and name in series:
+            values[name] = float(series[name][np.argmax(np.isfinite(series[name]))])
+        else:
+            raise CampaignError(
+                f'{path}: initial {name!r} = {given!r} is given, a number or "first sample" of one of {", ".join(series)} is needed'
+            )
+    return values

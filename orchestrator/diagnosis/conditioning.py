@@ -145,13 +145,13 @@ def delay(
     a = np.where(valid, reference - np.mean(reference[valid]), 0.0)
     b = np.where(valid, signal - np.mean(signal[valid]), 0.0)
     most = min(int(round(longest / step)), len(a) // 4)
-    lags = np.arange(-most, most + 1)
+    lags = range(-most, most + 1)
     # of the differences: slow parts correlate at any lag
     da, db = np.diff(a), np.diff(b)
     score = np.array([np.dot(da[max(0, -k) : len(da) - max(0, k)], db[max(0, k) : len(db) - max(0, -k)]) for k in lags])
     if not np.any(score):
         return float("nan"), float("inf")
-    tau = float(lags[np.argmax(np.abs(score))]) * step
+    tau = lags[int(np.argmax(np.abs(score)))] * step
     t, error = np.arange(len(a)) * step, float("inf")
     inner = valid & (t >= 2 * longest) & (t <= t[-1] - 2 * longest)
     for _ in range(20):

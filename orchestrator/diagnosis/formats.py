@@ -42,7 +42,7 @@ def read_channels(path: Path, time_column: str | None = None) -> list[Channel]:
         channels = reader(path, time_column)
     except CampaignError:
         raise
-    except (OSError, ValueError, TypeError, KeyError, pa.ArrowException) as error:
+    except Exception as error:  # each format's library has its own words for a file it cannot read
         raise CampaignError(
             f"{path}: cannot be read as {path.suffix[1:]}: {' '.join(str(error).split())[:200]}"
         ) from error

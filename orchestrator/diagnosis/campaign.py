@@ -126,6 +126,7 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
     given = _read(path)
     if not given.recording:
         raise CampaignError(f"{path}: no [[recording]] is given, one at least is needed")
+    _join_published_holdout(path, given)
     defaults, setups = _system(path, given)
     logged = defaults.logged | given.logged
     channels = given.channels or defaults.channels
@@ -157,6 +158,21 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
     return Campaign(
         given.title, path, given.system, setups, channels, defaults.tolerances | given.tolerances, logged, recordings
     )
+
+
+def holdouts(path: Path) -> list[Path]:
+    """Held-out recordings of a campaign that are there, unread."""
+    given = _read(path)
+    _join_published_holdout(path, given)
+    files = [path.parent / entry.file for entry in given.recording if entry.role == "holdout"]
+    return [file for file in files if file.is_file()]
+
+
+def _join_published_holdout(path: Path, given: CampaignFile) -> None:
+    """A sealed case's held-out run is published as holdout.parquet beside a campaign.toml that was written before it."""
+    file = "holdout.parquet"
+    if (path.parent / file).is_file() and all(entry.file != file for entry in given.recording):
+        given.recording.append(RecordingEntry(file=file, setup=given.recording[-1].setup, role="holdout"))
 
 
 def _read(path: Path) -> CampaignFile:

@@ -1,0 +1,44 @@
+"""CoFmuPy (package cofmpy, later cofmupy): its coordinator, which records every output."""
+
+import contextlib
+import io
+import time
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.peers import GAUSS_SEIDEL, JACOBI, Absent, Run, Wiring
+
+try:
+    from cofmupy import Coordinator
+    from fmpy import read_model_description
+except ImportError as error:
+    raise Absent(f"cofmpy: {error}") from error
+
+SCHEMES = [JACOBI, GAUSS_SEIDEL]
+
+
+def run(wiring: Wiring, folder: Path) -> Run:
+    wired = {(sink, variable) for _, _, sink, variable in wiring.connections}
+    fmus = []
+    for name, path in wiring.units.items():
+        starts = {}  # it sets every input at every step, to zero if it is not told
+        for variable in read_model_description(path).modelVariables:
+            if variable.causality == "input" and (name, variable.name) not in wired and variable.start is not None:
+                read = {"Real": float, "Integer": int, "Boolean": lambda text: text in ("true", "1")}[variable.type]
+                starts[variable.name] = read(variable.start)
+        fmus.append({"id": name, "path": path, "initialization": starts})
+    ends = [
+        {"source": {"id": source, "variable": output}, "target": {"id": sink, "variable": variable}}
+        for source, output, sink, variable in wiring.connections
+    ]
+    coordinator = Coordinator()
+    with contextlib.redirect_stdout(io.StringIO()):
+        method = "gauss_seidel" if wiring.scheme == GAUSS_SEIDEL else "jacobi"
+        coordinator.start({"fmus": fmus, "connections": ends, "cosim_method": method, "iterative": False})
+        start = time.perf_counter()
+        for _ in range(wiring.steps):
+            coordinator.do_step(wiring.step)
+        wall = time.perf_counter() - start
+    results = coordinator.get_results()
+    return Run(wall, {column: np.array(results[tuple(place)]) for column, place in wiring.outputs.items()})

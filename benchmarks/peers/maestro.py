@@ -1,0 +1,64 @@
+"""Maestro 2 (INTO-CPS), a Java program: what it needs is Java and the jar's path in COBOT_JOINT_MAESTRO."""
+
+import csv
+import json
+import os
+import shutil
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.peers import JACOBI, Absent, Run, Wiring
+
+JAR = os.environ.get("COBOT_JOINT_MAESTRO", "")
+if shutil.which("java") is None:
+    raise Absent("Java")
+if not Path(JAR).is_file():
+    raise Absent("COBOT_JOINT_MAESTRO=path of maestro-3.1.1-jar-with-dependencies.jar (Maven: org.into-cps.maestro)")
+
+SCHEMES = [JACOBI]
+
+
+def run(wiring: Wiring, folder: Path) -> Run:
+    model = folder / "model.json"
+    experiment = folder / "experiment.json"
+    place = "{{{0}}}.{0}.{1}".format
+    connections: dict[str, list[str]] = {}
+    for source, output, sink, variable in wiring.connections:
+        connections.setdefault(place(source, output), []).append(place(sink, variable))
+    logged: dict[str, list[str]] = {}
+    for unit, output in wiring.outputs.values():
+        logged.setdefault(f"{{{unit}}}.{unit}", []).append(output)
+    model.write_text(
+        json.dumps(
+            {
+                "fmus": {f"{{{name}}}": Path(path).as_uri() for name, path in wiring.units.items()},
+                "connections": connections,
+                "logVariables": logged,
+                "parameters": {},
+                "algorithm": {"type": "fixed-step", "size": wiring.step},
+            }
+        )
+    )
+
+    def simulate(stop: float) -> float:
+        experiment.write_text(json.dumps({"startTime": 0.0, "endTime": stop, "reportProgress": False, "logLevels": {}}))
+        shutil.rmtree(folder / "maestro", ignore_errors=True)
+        call = ["java", "-jar", JAR, "import", "-i", "-output=" + str(folder / "maestro"), "Sg1"]
+        start = time.perf_counter()
+        done = subprocess.run([*call, str(model), str(experiment)], capture_output=True, text=True, cwd=folder)
+        if done.returncode:
+            raise RuntimeError(f"Maestro: {done.stderr[-2000:] or done.stdout[-2000:]}")
+        return time.perf_counter() - start
+
+    set_up = simulate(2 * wiring.step)  # start of the virtual machine, loading and initialising
+    wall = simulate(wiring.stop) - set_up
+    (recording,) = (folder / "maestro").rglob("outputs.csv")
+    with recording.open() as file:
+        reader = csv.reader(file)
+        header = next(reader)
+        table = np.array([[float(value) for value in row] for row in reader])
+    columns = {column: table[1:, header.index(place(*where))] for column, where in wiring.outputs.items()}
+    return Run(wall, columns)

@@ -30,7 +30,7 @@ class Peer:
             stderr=subprocess.DEVNULL,
             text=True,
             cwd=ROOT,
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            env={**os.environ, "PYTHONPATH": str(ROOT), "PYTHONHASHSEED": "0"},  # CoFmuPy steps in the order of a set
         )
         greeting = self._answer()
         if "absent" in greeting:

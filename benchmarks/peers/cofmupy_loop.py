@@ -3,6 +3,7 @@
 import contextlib
 import io
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,11 @@ except ImportError as error:
     raise Absent(f"cofmpy: {error}") from error
 
 SCHEMES = [JACOBI, GAUSS_SEIDEL]
+READERS: dict[str, Callable[[str], float]] = {
+    "Real": float,
+    "Integer": int,
+    "Boolean": lambda text: text in ("true", "1"),
+}
 
 
 def run(wiring: Wiring, folder: Path) -> Run:
@@ -25,7 +31,7 @@ def run(wiring: Wiring, folder: Path) -> Run:
         starts = {}  # it sets every input at every step, to zero if it is not told
         for variable in read_model_description(path).modelVariables:
             if variable.causality == "input" and (name, variable.name) not in wired and variable.start is not None:
-                read = {"Real": float, "Integer": int, "Boolean": lambda text: text in ("true", "1")}[variable.type]
+                read = READERS[variable.type]
                 starts[variable.name] = read(variable.start)
         fmus.append({"id": name, "path": path, "initialization": starts})
     ends = [

@@ -1,13 +1,31 @@
 """Systems of units: SSP 1.0 in and out, wiring checks, unit conversion, initial values."""
 
-from orchestrator.system.model import (
-    Component,
-    Connection,
-    Connector,
-    Experiment,
-    Inputs,
-    Result,
-    System,
-)
+from orchestrator.system.initial import initial_order, propagate_initial_values
+from orchestrator.system.mechanics import Shaft, shafts
+from orchestrator.system.model import Component, Connection, Connector, Experiment, Inputs, Result, System
+from orchestrator.system.parameters import with_parameters
+from orchestrator.system.read import find_system, load_system
+from orchestrator.system.wiring import Wiring, check
+from orchestrator.system.write import write_ssd, write_ssp, write_ssv
 
-__all__ = ["Component", "Connection", "Connector", "Experiment", "Inputs", "Result", "System"]
+__all__ = [
+    "Component",
+    "Connection",
+    "Connector",
+    "Experiment",
+    "Inputs",
+    "Result",
+    "Shaft",
+    "System",
+    "Wiring",
+    "check",
+    "find_system",
+    "initial_order",
+    "load_system",
+    "propagate_initial_values",
+    "shafts",
+    "with_parameters",
+    "write_ssd",
+    "write_ssp",
+    "write_ssv",
+]

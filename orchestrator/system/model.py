@@ -31,7 +31,7 @@ class Connector:
 
 @dataclass(frozen=True)
 class Component:
-    """One FMU in a system. `source` as the SSD says it, `unit` what was found there, `parameters` start values that the system sets."""
+    """One FMU in a system: `source` as the SSD says it, the `unit` found there, start values that the system sets."""
 
     name: str
     source: str
@@ -41,7 +41,7 @@ class Component:
 
 @dataclass(frozen=True)
 class Connection:
-    """sink = factor*source + offset. A component of None is the system itself (its inputs as sources, its outputs as sinks)."""
+    """sink = factor*source + offset. A component of None is the system: its inputs are sources, its outputs sinks."""
 
     source_component: str | None
     source: str
@@ -66,9 +66,9 @@ class Experiment:
 
 @dataclass(frozen=True)
 class System:
-    """Components in the order in which Gauss-Seidel steps them, and every wire, those from and to the system's own connectors included.
+    """Components in the order in which Gauss-Seidel steps them, and every wire, those at the system's connectors too.
 
-    `connections` hold resolved factors and offsets: units are converted when a system is read (`orchestrator.system.load`).
+    Factors and offsets of wires include the conversion of units, settled when a system is read (`load_system`).
     """
 
     name: str
@@ -91,7 +91,7 @@ class System:
 class Inputs:
     """Piecewise linear inputs, held outside of `time`.
 
-    `time`: float64[n], s, rising; `values`: input of the system -> float64[n], in the connector's unit; Booleans as 0 and 1.
+    `time`: float64[n], s, rising. `values`: system's input -> float64[n], in the connector's unit, Booleans as 0 and 1.
     Inputs that are not named keep the start values of the variables they drive.
     """
 
@@ -111,7 +111,7 @@ class Result:
     """What a run recorded.
 
     `time`: float64[m], s; `signals`: output of the system -> float64[m], in the connector's unit;
-    `energy`: mechanical connection -> (work given, work taken, integral of |power given|), J, each unit integrating its own port.
+    `energy`: mechanical connection -> (work given, work taken, integral of |power given|), J; each unit at its port.
     """
 
     time: NDArray[np.float64]

@@ -25,12 +25,15 @@ TOOL = "cobot-joint"  # the name under which units annotate their modelDescripti
 
 @dataclass(frozen=True)
 class Shape:
-    """A parameter that shapes a term; not identifiable while the term is off, so it is scanned."""
+    """A parameter that shapes a term; not identifiable while the term is off, so it is scanned from min to max.
+
+    `scan`: lin or log spacing, or the unit's word for the kind: order (whole numbers per turn), phase (0, quarter).
+    """
 
     name: str
     min: float
     max: float
-    scan: Literal["lin", "log"] = "lin"
+    scan: str = "lin"
     points: int = 5
 
 
@@ -171,7 +174,7 @@ def _term(element: xml.etree._Element, where: str) -> Term:
                     name=shape.attrib["name"],
                     min=float(shape.attrib["min"]),
                     max=float(shape.attrib["max"]),
-                    scan="log" if shape.get("scan") == "log" else "lin",
+                    scan=shape.get("scan", "lin"),
                     points=int(shape.get("points", "5")),
                 )
                 for shape in element.iterfind("Shape")

@@ -1,6 +1,6 @@
 """Systems of units: SSP 1.0 in and out, wiring checks, unit conversion, initial values."""
 
-from orchestrator.system.initial import initial_order, propagate_initial_values
+from orchestrator.system.initial import initial_order
 from orchestrator.system.mechanics import Shaft, shafts
 from orchestrator.system.model import Component, Connection, Connector, Experiment, Inputs, Result, System
 from orchestrator.system.parameters import with_parameters
@@ -22,7 +22,6 @@ __all__ = [
     "find_system",
     "initial_order",
     "load_system",
-    "propagate_initial_values",
     "shafts",
     "with_parameters",
     "write_ssd",

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from graphlib import TopologicalSorter
 
 import numpy as np
-from fmpy.fmi2 import FMU2Slave
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from orchestrator.errors import UserError
-from orchestrator.system.model import Component, Connection, System
-
-SWEEPS = 100
-TOLERANCE = 1e-12  # relative change of a value in a loop that counts as settled
+from orchestrator.system.model import Connection, System
 
 
 def initial_order(system: System) -> tuple[tuple[Connection, ...], ...]:
@@ -37,58 +31,6 @@ def initial_order(system: System) -> tuple[tuple[Connection, ...], ...]:
         if loop[k] != loop[n]:
             order.add(loop[k], loop[n])
     return tuple(tuple(w for k, w in enumerate(wires) if loop[k] == label) for label in order.static_order())
-
-
-def propagate_initial_values(
-    system: System, instances: Mapping[str, FMU2Slave], inputs: Mapping[str, float] | None = None
-) -> None:
-    """Pass initial values on while all instances (component -> FMPy instance) are in initialisation mode.
-
-    `inputs`: values of the system's inputs at the start; wires from inputs that are not named pass nothing on.
-    UserError: a loop of outputs that depend on each other does not settle.
-    """
-    given = inputs or {}
-    for group in initial_order(system):
-        wires = [c for c in group if c.source_component is not None or c.source in given]
-        for _ in range(SWEEPS):
-            changes = [_pass_on(system, c, instances, given) for c in wires]
-            if len(group) == 1 or not any(changes):
-                break
-        else:
-            names = ", ".join(c.name for c in group)
-            raise UserError(f"{system.name}: the initial values of this algebraic loop do not settle: {names}")
-
-
-def read(instance: FMU2Slave, component: Component, name: str) -> float:
-    """The value of a Real, Integer, Enumeration or Boolean variable, as a number."""
-    variable = component.unit.variables[name]
-    get = {"Real": instance.getReal, "Boolean": instance.getBoolean}.get(variable.type, instance.getInteger)
-    return float(get([variable.valueReference])[0])
-
-
-def write(instance: FMU2Slave, component: Component, name: str, value: float) -> None:
-    """Set a Real, Integer, Enumeration or Boolean variable from a number."""
-    variable = component.unit.variables[name]
-    if variable.type == "Real":
-        instance.setReal([variable.valueReference], [value])
-    elif variable.type == "Boolean":
-        instance.setBoolean([variable.valueReference], [bool(value)])
-    else:
-        instance.setInteger([variable.valueReference], [int(value)])
-
-
-def _pass_on(system: System, c: Connection, instances: Mapping[str, FMU2Slave], given: Mapping[str, float]) -> bool:
-    """Has the sink's value changed?"""
-    assert c.sink_component is not None
-    if c.source_component is None:
-        value = given[c.source]
-    else:
-        value = read(instances[c.source_component], system.component(c.source_component), c.source)
-    value = c.factor * value + c.offset
-    sink, instance = system.component(c.sink_component), instances[c.sink_component]
-    before = read(instance, sink, c.sink)
-    write(instance, sink, c.sink, value)
-    return abs(value - before) > TOLERANCE * max(1.0, abs(value))
 
 
 def _dependencies(system: System, connection: Connection) -> list[str]:

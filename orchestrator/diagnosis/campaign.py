@@ -4,21 +4,16 @@ from __future__ import annotations
 
 import re
 import tomllib
-import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from lxml import etree
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from orchestrator.diagnosis.errors import CampaignError
+from orchestrator import data
 from orchestrator.diagnosis.recording import Connector, Recording, Role, read_recording
-
-SYSTEMS = next(
-    (d for d in (Path(__file__).parents[1] / "systems", Path(__file__).parents[2] / "systems") if d.is_dir()),
-    Path(__file__).parents[1] / "systems",
-)
+from orchestrator.errors import UserError, among
+from orchestrator.system.read import load_system
 
 
 @dataclass(frozen=True)
@@ -119,13 +114,16 @@ class Campaign:
 
 
 def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout")) -> Campaign:
-    """Read campaign.toml and the recordings of the given roles. Raises CampaignError with one line that says what, where and what is allowed."""
+    """Read campaign.toml and the recordings of the given roles.
+
+    Raises UserError with one line that says what, where and what is allowed.
+    """
     path = Path(path)
     if path.is_dir():
         path = path / "campaign.toml"
     given = _read(path)
     if not given.recording:
-        raise CampaignError(f"{path}: no [[recording]] is given, one at least is needed")
+        raise UserError(f"{path}: no [[recording]] is given, one at least is needed")
     _join_published_holdout(path, given)
     defaults, setups = _system(path, given)
     logged = defaults.logged | given.logged
@@ -134,7 +132,7 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
     for entry in given.recording:
         setup = entry.setup or next(iter(setups))
         if setup not in setups:
-            raise CampaignError(
+            raise UserError(
                 f"{path}: recording {entry.file!r}: setup {setup!r} is given, {' or '.join(setups)} is allowed"
             )
         if entry.role not in roles:
@@ -169,7 +167,7 @@ def holdouts(path: Path) -> list[Path]:
 
 
 def _join_published_holdout(path: Path, given: CampaignFile) -> None:
-    """A sealed case's held-out run is published as holdout.parquet beside a campaign.toml that was written before it."""
+    """A sealed case's held-out run is published as holdout.parquet beside a campaign.toml of before."""
     file = "holdout.parquet"
     if (path.parent / file).is_file() and all(entry.file != file for entry in given.recording):
         given.recording.append(RecordingEntry(file=file, setup=given.recording[-1].setup, role="holdout"))
@@ -179,11 +177,11 @@ def _read(path: Path) -> CampaignFile:
     try:
         return CampaignFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
     except FileNotFoundError as error:
-        raise CampaignError(f"{path}: there is no such campaign file") from error
+        raise UserError(f"{path}: there is no such campaign file") from error
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise CampaignError(f"{path}: not a TOML file: {error}") from error
+        raise UserError(f"{path}: not a TOML file: {error}") from error
     except ValidationError as error:
-        raise CampaignError(f"{path}: {_first(error)}") from error
+        raise UserError(f"{path}: {_first(error)}") from error
 
 
 def _first(error: ValidationError) -> str:
@@ -206,16 +204,15 @@ def _system(path: Path, given: CampaignFile) -> tuple[CampaignFile, dict[str, Pa
     if given.system.endswith((".ssp", ".ssd")):
         file = path.parent / given.system
         if not file.is_file():
-            raise CampaignError(f"{path}: system {given.system!r}: there is no {file}")
+            raise UserError(f"{path}: system {given.system!r}: there is no {file}")
         defaults, folder, single = CampaignFile(), path.parent, file
     else:
-        sidecar = SYSTEMS / f"{given.system}.campaign.toml"
+        systems = data.folder("systems")
+        sidecar = systems / f"{given.system}.campaign.toml"
         if not sidecar.is_file():
-            shipped = ", ".join(sorted(f.name.removesuffix(".campaign.toml") for f in SYSTEMS.glob("*.campaign.toml")))
-            raise CampaignError(
-                f"{path}: system {given.system!r} is given, {shipped} or an .ssp or .ssd file is allowed"
-            )
-        defaults, folder, single = _read(sidecar), SYSTEMS, SYSTEMS / f"{given.system}.ssd"
+            shipped = ", ".join(sorted(f.name.removesuffix(".campaign.toml") for f in systems.glob("*.campaign.toml")))
+            raise UserError(f"{path}: system {given.system!r} is given, {shipped} or an .ssp or .ssd file is allowed")
+        defaults, folder, single = _read(sidecar), systems, systems / f"{given.system}.ssd"
     setups = {name: folder / file for name, file in (defaults.setups | given.setups).items()}
     if given.setups:
         setups |= {name: path.parent / file for name, file in given.setups.items()}
@@ -223,7 +220,7 @@ def _system(path: Path, given: CampaignFile) -> tuple[CampaignFile, dict[str, Pa
 
 
 def _connectors(system: Path, setup: str, logged: dict[str, Logged], channels: dict[str, str]) -> dict[str, Connector]:
-    """Connectors of a set-up that recordings may belong to: the logger's channels, and what [channels] names in the system file."""
+    """What recordings of a set-up may belong to: the logger's channels, and connectors that [channels] names."""
     found = {
         name: Connector(name, channel.causality, channel.unit)
         for name, channel in logged.items()
@@ -234,52 +231,35 @@ def _connectors(system: Path, setup: str, logged: dict[str, Logged], channels: d
     offered = system_connectors(system)
     for column, name in channels.items():
         if name not in logged and name not in offered:
-            raise CampaignError(
-                f"[channels] {column!r} = {name!r}: {system.name} has no such connector, it has {', '.join(offered)}"
+            raise UserError(
+                f"[channels] {column!r} = {name!r}: {system.name} has no such connector, it has {among(offered)}"
             )
     wanted = set(channels.values()) - set(logged)
     return found | {name: connector for name, connector in offered.items() if not channels or name in wanted}
 
 
 def system_connectors(path: Path) -> dict[str, Connector]:
-    """Inputs and outputs of a system: its own connectors by name, those of its components as `component.connector`."""
-    try:
-        if path.suffix == ".ssp":
-            with zipfile.ZipFile(path) as archive:
-                text = archive.read("SystemStructure.ssd")
-        else:
-            text = path.read_bytes()
-        root = etree.fromstring(text, etree.XMLParser(resolve_entities=False, no_network=True))
-    except (OSError, KeyError, zipfile.BadZipFile, etree.XMLSyntaxError) as error:
-        raise CampaignError(f"{path}: not a system (SSP): {error}") from error
-    ssd = {"ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription"}
-    connectors: dict[str, Connector] = {}
-
-    def collect(element: etree._Element, prefix: str) -> None:
-        for connector in element.iterfind("ssd:Connectors/ssd:Connector", ssd):
-            if connector.get("kind") in ("input", "output"):
-                real = next((child for child in connector if etree.QName(child).localname == "Real"), None)
-                name = prefix + connector.get("name", "")
-                connectors[name] = Connector(
-                    name, connector.get("kind"), real.get("unit") if real is not None else None
-                )
-        for child in element.iterfind("ssd:Elements/*", ssd):
-            collect(child, f"{prefix}{child.get('name')}.")
-
-    system = root.find("ssd:System", ssd)
-    if system is None:
-        raise CampaignError(f"{path}: its SystemStructureDescription holds no System")
-    collect(system, "")
-    return connectors
+    """Inputs and outputs of a system: its own connectors by name, those of its components as `component.variable`."""
+    system = load_system(path)
+    own = {c.name: Connector(c.name, c.causality, c.unit) for c in [*system.inputs.values(), *system.outputs.values()]}
+    of_components = {
+        f"{component.name}.{v.name}": Connector(
+            f"{component.name}.{v.name}", v.causality, component.unit.unit_of(v.name)
+        )
+        for component in system.components
+        for v in component.unit.variables.values()
+        if v.causality in ("input", "output")
+    }
+    return own | of_components
 
 
 __all__ = [
     "Campaign",
-    "CampaignError",
     "Connector",
     "Logged",
     "Recording",
     "Tolerance",
+    "UserError",
     "load_campaign",
     "system_connectors",
 ]

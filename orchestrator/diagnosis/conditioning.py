@@ -1,4 +1,4 @@
-"""What a recorded channel is worth: noise, its colour, the converter's step, saturation, delay; all estimated from the data."""
+"""What a recorded channel is worth, from the data: noise, its colour, the converter's step, saturation, delay."""
 
 from __future__ import annotations
 
@@ -60,8 +60,8 @@ def assess(*series: NDArray[np.float64]) -> ChannelQuality:
 def noise_and_colour(*series: NDArray[np.float64]) -> tuple[float, float]:
     """Sigma and lag-1 correlation of the noise on a slow signal.
 
-    In windows, less a parabola; the quietest windows are noise alone. What the parabola takes from coloured noise is put back by matching the
-    expected moments of a first-order process. (NaN, 0) where no window is recorded in full.
+    In windows, less a parabola; the quietest windows are noise alone. What the parabola takes from coloured noise is
+    put back by matching the expected moments of a first-order process. (NaN, 0) where no window is recorded in full.
     """
     n = min(WINDOW, max(16, min(map(len, series)) // 8))
     windows = np.concatenate([np.lib.stride_tricks.sliding_window_view(x, n)[:: n // 2] for x in series])
@@ -123,7 +123,7 @@ def quantisation_step(x: NDArray[np.float64]) -> float:
 
 
 def _saturated(x: NDArray[np.float64], everywhere: NDArray[np.float64]) -> int:
-    """Samples of x in runs of RAIL or more at the very top or bottom of what occurs anywhere, where noise would otherwise move them."""
+    """Samples of x in runs of RAIL or more at the very top or bottom of what occurs anywhere."""
     count = 0
     for extreme in (everywhere.min(initial=np.inf), everywhere.max(initial=-np.inf)):
         at = np.concatenate([[0], (x == extreme).astype(int), [0]])
@@ -138,13 +138,14 @@ def delay(
 ) -> tuple[float, float]:
     """Seconds by which `signal` comes after `reference`, and their standard error.
 
-    Both (n,) on the same clock of `step`. The peak of the cross-correlation within +-longest finds the whole samples; least squares for gain,
-    offset and delay, linearised there, finds the rest. (NaN, inf) where the signals have nothing in common to align.
+    Both (n,) on the same clock of `step`. The peak of the cross-correlation within +-longest finds the whole samples;
+    least squares for gain, offset and delay, linearised there, finds the rest. (NaN, inf) where the signals have
+    nothing in common to align.
     """
     valid = np.isfinite(reference) & np.isfinite(signal)
     a = np.where(valid, reference - np.mean(reference[valid]), 0.0)
     b = np.where(valid, signal - np.mean(signal[valid]), 0.0)
-    most = min(int(round(longest / step)), len(a) // 4)
+    most = min(round(longest / step), len(a) // 4)
     lags = range(-most, most + 1)
     # of the differences: slow parts correlate at any lag
     da, db = np.diff(a), np.diff(b)
@@ -175,7 +176,10 @@ def delay(
 
 
 def delays(recording: Recording, reference: str, longest: float = 0.05) -> dict[str, tuple[float, float]]:
-    """Delay of every compared channel behind one of them, (s, standard error). Physics between the two channels is part of it."""
+    """Delay of every compared channel behind one of them, (s, standard error).
+
+    Physics between the two channels is part of it.
+    """
     series = recording.outputs | recording.inputs
     return {
         name: delay(series[reference], values, recording.step, longest)

@@ -1,4 +1,4 @@
-"""Recorded files as raw channels, each format by its own library: Parquet and CSV (pyarrow), MAT (scipy, mat73), MDF4 (asammdf)."""
+"""Recorded files as raw channels: Parquet and CSV by pyarrow, MAT by scipy and mat73, MDF by asammdf."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import pyarrow.csv
 import pyarrow.parquet
 from numpy.typing import NDArray
 
-from orchestrator.diagnosis.errors import CampaignError
 from orchestrator.diagnosis.quantity import convert, split_header
+from orchestrator.errors import UserError
 
 TIME_NAMES = ("time", "t", "timestamp", "timestamps", "loop_time")
 
@@ -31,23 +31,22 @@ class Channel:
 def read_channels(path: Path, time_column: str | None = None) -> list[Channel]:
     """All numeric channels of a file, by its suffix.
 
-    `time_column` names the clock where it is not called one of TIME_NAMES (with or without its unit in brackets). Raises CampaignError.
+    `time_column` names the clock where it is not called one of TIME_NAMES (with or without its unit in brackets).
+    Raises UserError.
     """
     reader = READERS.get(path.suffix.lower())
     if reader is None:
-        raise CampaignError(f"{path}: suffix {path.suffix!r} is given, one of {', '.join(READERS)} is needed")
+        raise UserError(f"{path}: suffix {path.suffix!r} is given, one of {', '.join(READERS)} is needed")
     if not path.is_file():
-        raise CampaignError(f"{path}: there is no such file")
+        raise UserError(f"{path}: there is no such file")
     try:
         channels = reader(path, time_column)
-    except CampaignError:
+    except UserError:
         raise
     except Exception as error:  # each format's library has its own words for a file it cannot read
-        raise CampaignError(
-            f"{path}: cannot be read as {path.suffix[1:]}: {' '.join(str(error).split())[:200]}"
-        ) from error
+        raise UserError(f"{path}: cannot be read as {path.suffix[1:]}: {' '.join(str(error).split())[:200]}") from error
     if not channels:
-        raise CampaignError(f"{path}: holds no numeric channel beside the clock")
+        raise UserError(f"{path}: holds no numeric channel beside the clock")
     return channels
 
 
@@ -121,7 +120,7 @@ def _mdf(path: Path, time_column: str | None) -> list[Channel]:
     try:
         import asammdf
     except ImportError as error:
-        raise CampaignError(f"{path}: MDF files need asammdf: pip install 'cobot-joint[mdf]'") from error
+        raise UserError(f"{path}: MDF files need asammdf: pip install 'cobot-joint[mdf]'") from error
     with asammdf.MDF(path) as file:
         signals = [
             s for s in file.iter_channels(skip_master=True) if s.samples.ndim == 1 and s.samples.dtype.kind in "biuf"
@@ -141,15 +140,16 @@ def _columns(path: Path, columns: dict[str, NDArray[np.float64]], time_column: s
     wanted = (split_header(time_column)[0],) if time_column else TIME_NAMES
     clocks = [header for name in wanted for header in columns if split_header(header)[0].lower() == name.lower()]
     if not clocks:
-        raise CampaignError(
-            f'{path}: no time column; columns are {", ".join(columns)}; a clock is called {" or ".join(wanted)}, or give time = "..."'
+        raise UserError(
+            f"{path}: no time column; columns are {', '.join(columns)}; "
+            f'a clock is called {" or ".join(wanted)}, or give time = "..."'
         )
     stated = split_header(time_column)[1] if time_column else None
     time, _ = convert(columns[clocks[0]], split_header(clocks[0])[1] or stated, "s", f"{path}: column {clocks[0]!r}")
     lengths = {header: len(values) for header, values in columns.items() if len(values) != len(time)}
     if lengths:
         header, length = next(iter(lengths.items()))
-        raise CampaignError(f"{path}: {header!r} has {length} samples, its clock {clocks[0]!r} has {len(time)}")
+        raise UserError(f"{path}: {header!r} has {length} samples, its clock {clocks[0]!r} has {len(time)}")
     return [Channel(*split_header(header), time, values) for header, values in columns.items() if header != clocks[0]]
 
 

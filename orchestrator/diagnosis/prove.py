@@ -15,9 +15,9 @@ from typing import Any
 from joblib import Parallel, delayed
 
 from orchestrator.diagnosis.campaign import holdouts
-from orchestrator.diagnosis.errors import CampaignError
 from orchestrator.diagnosis.score import broken_seals, read_object, scoreboard
 from orchestrator.diagnosis.store import write_atomically
+from orchestrator.errors import UserError
 
 
 @dataclass(frozen=True)
@@ -40,14 +40,12 @@ class Proof:
 
 
 def cases_of(folder: Path) -> list[str]:
-    """Names of the sub-folders that hold a campaign. Raises CampaignError where there are none."""
+    """Names of the sub-folders that hold a campaign. Raises UserError where there are none."""
     if not folder.is_dir():
-        raise CampaignError(
-            f"{folder}: there is no such folder; a set is a folder of folders with a campaign.toml each"
-        )
+        raise UserError(f"{folder}: there is no such folder; a set is a folder of folders with a campaign.toml each")
     cases = sorted(path.parent.name for path in folder.glob("*/campaign.toml"))
     if not cases:
-        raise CampaignError(f"{folder}: holds no case; a set is a folder of folders with a campaign.toml each")
+        raise UserError(f"{folder}: holds no case; a set is a folder of folders with a campaign.toml each")
     return cases
 
 
@@ -61,8 +59,9 @@ def prove(
 ) -> Proof:
     """Diagnose every case of `folder`, verify those with held-out runs, score where answers.json is present.
 
-    Finished cases are kept: a diagnosis.json that is there is never written again. Each case runs in a process of its own, so that one that fails
-    is reported and does not stop the others. out: results as OUT/<case>/; default: beside the recordings.
+    Finished cases are kept: a diagnosis.json that is there is never written again. Each case runs in a process of its
+    own, so that one that fails is reported and does not stop the others. out: results as OUT/<case>/; default: beside
+    the recordings.
     """
     out = out or (folder / "baselines" / baseline if baseline else folder)
     cases = cases_of(folder)
@@ -84,7 +83,7 @@ def prove(
 def _published(path: Path) -> dict[str, Any] | None:
     content, why = read_object(path)
     if why and why != "no answer":
-        raise CampaignError(f"{path}: {why}, a JSON object by case is needed")
+        raise UserError(f"{path}: {why}, a JSON object by case is needed")
     return content
 
 

@@ -1,4 +1,4 @@
-"""Units of recorded columns: `name [unit]` headers, and the way from any unit to the one that the system speaks (pint)."""
+"""Units of recorded columns: `name [unit]` headers, and the way to the unit that the system speaks (pint)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pint
 
-from orchestrator.diagnosis.errors import CampaignError
+from orchestrator.errors import UserError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,7 +34,7 @@ def convert(values: NDArray[np.float64], unit: str | None, target: str | None, w
     have = _parse(unit, where)
     want = _parse(target, where) if target else _base(have)
     if have.dimensionality != want.dimensionality or _turns(have) != _turns(want):
-        raise CampaignError(f"{where}: unit {unit!r} is given, one that converts to {target!r} is needed")
+        raise UserError(f"{where}: unit {unit!r} is given, one that converts to {target!r} is needed")
     if have == want:
         return values, target or unit
     # linear, q = at_0 + (at_1 - at_0) x: degC has an offset, "0.1 %" a factor of its own
@@ -61,7 +61,7 @@ def _parse(unit: str, where: str) -> pint.Quantity:
         quantity = _registry().Quantity(1.0, text) if text in ("degC", "°C") else _registry().parse_expression(text)
         return quantity if isinstance(quantity, pint.Quantity) else _registry().Quantity(float(quantity), "")
     except (pint.PintError, ValueError, TypeError, AttributeError, SyntaxError) as error:
-        raise CampaignError(
+        raise UserError(
             f"{where}: unit {unit!r} is given, an SI spelling such as 'rad/s' or 'N.m' is needed"
         ) from error
 

@@ -10,9 +10,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.diagnosis.errors import CampaignError
 from orchestrator.diagnosis.formats import Channel, read_channels
 from orchestrator.diagnosis.quantity import convert, split_header
+from orchestrator.errors import UserError
 
 Role = Literal["train", "holdout"]
 GAP = 2.5  # steps between two samples above which what lies between counts as not recorded
@@ -32,8 +32,8 @@ class Connector:
 class Recording:
     """One run. All arrays share `time`: regular, ascending, (n,).
 
-    Inputs drive the system, linear between samples and finite throughout. Outputs are compared with it; NaN marks samples that were not
-    recorded. Keys are connectors of the system.
+    Inputs drive the system, linear between samples and finite throughout. Outputs are compared with it; NaN marks
+    samples that were not recorded. Keys are connectors of the system.
     """
 
     name: str
@@ -66,8 +66,9 @@ def read_recording(
 ) -> Recording:
     """Read a file and put it on one regular clock.
 
-    connectors: those of this set-up's system, by name. columns: column -> connector; a column may carry its unit in brackets, for files that
-    cannot. initial: variable of the system -> value, or "first sample" of the channel of that name. Raises CampaignError.
+    connectors: those of this set-up's system, by name. columns: column -> connector; a column may carry its unit in
+    brackets, for files that cannot. initial: variable of the system -> value, or "first sample" of the channel of that
+    name. Raises UserError.
     """
     notes: list[str] = []
     units_of_columns = dict(map(split_header, columns))
@@ -99,7 +100,7 @@ def read_recording(
         allowed = ", ".join(
             column for column, name in columns.items() if name in connectors and connectors[name].causality == "output"
         )
-        raise CampaignError(
+        raise UserError(
             f"{path}: none of its columns is an output of the system to compare with; known are {allowed or 'none'}"
         )
     for name in sorted(set(connectors) & set(connector_of.values()) - set(raw)):
@@ -120,42 +121,41 @@ def read_recording(
     )
 
 
-def _regular_clock(path: Path, raw: Mapping[str, Channel], notes: list[str]) -> NDArray[np.float64]:
-    """The fastest channel's median step, over the time that all channels share. Puts each channel's own clock in order first."""
+def _regular_clock(path: Path, raw: dict[str, Channel], notes: list[str]) -> NDArray[np.float64]:
+    """The fastest channel's median step, over the time that all channels share.
+
+    Puts each channel's own clock in order first.
+    """
     if not raw:
-        raise CampaignError(f"{path}: none of its columns belongs to the system")
-    clocks: dict[int, Channel] = {}
-    for name, channel in raw.items():
-        key = id(channel.time)
-        if key not in clocks:
-            clocks[key] = channel
+        raise UserError(f"{path}: none of its columns belongs to the system")
+    clocks = {id(channel.time): channel for channel in reversed(raw.values())}
     ordered = {}
     for key, channel in clocks.items():
         whose = "the clock" if len(clocks) == 1 else f"the clock of {channel.name}"
         ordered[key] = _in_order(path, whose, channel.time, notes)
     for name, channel in list(raw.items()):
         keep = ordered[id(channel.time)]
-        raw[name] = Channel(channel.name, channel.unit, channel.time[keep], channel.values[keep])  # type: ignore[index]
+        raw[name] = Channel(channel.name, channel.unit, channel.time[keep], channel.values[keep])
     times = list({id(c.time): c.time for c in raw.values()}.values())
     if min(map(len, times)) < 3:
-        raise CampaignError(f"{path}: {min(map(len, times))} usable samples are given, 3 at least are needed")
+        raise UserError(f"{path}: {min(map(len, times))} usable samples are given, 3 at least are needed")
     step = min(_nice(float(np.median(np.diff(t)))) for t in times)
     start, stop = max(t[0] for t in times), min(t[-1] for t in times)
     if stop - start < 2 * step:
-        raise CampaignError(
+        raise UserError(
             f"{path}: its channels share {max(stop - start, 0.0):g} s, 2 steps of {step:g} s at least are needed"
         )
     return np.asarray(start + step * np.arange(int(np.floor((stop - start) / step + 1e-6)) + 1))
 
 
 def _nice(step: float) -> float:
-    """A median of differences carries rounding (0.0009999999999994): the nearest number of four digits, if it is that."""
+    """Differences carry rounding, 0.0009999999999994: the nearest number of four digits, if it is that."""
     rounded = float(f"{step:.4g}")
     return rounded if abs(rounded - step) < 1e-6 * step else step
 
 
 def _in_order(path: Path, whose: str, time: NDArray[np.float64], notes: list[str]) -> NDArray[np.intp]:
-    """Indices of samples whose stamps ascend: unreadable and repeated stamps dropped, strays sorted, a clock that restarts cut."""
+    """Indices of samples whose stamps ascend: unreadable and repeated ones dropped, strays sorted, restarts cut."""
     keep = np.flatnonzero(np.isfinite(time))
     if len(keep) < len(time):
         notes.append(f"{whose} has {len(time) - len(keep)} unreadable time stamps, dropped")
@@ -171,7 +171,8 @@ def _in_order(path: Path, whose: str, time: NDArray[np.float64], notes: list[str
             longest = max(pieces, key=len)
             notes.append(
                 f"{whose} restarts {len(back)} times (first at {time[keep[back[0]]]:g} s); the longest piece is used, "
-                f"{time[longest[0]]:g} to {time[longest[-1]]:g} s, and {len(keep) - len(longest)} of {len(keep)} samples are not"
+                f"{time[longest[0]]:g} to {time[longest[-1]]:g} s, "
+                f"and {len(keep) - len(longest)} of {len(keep)} samples are not"
             )
             keep = longest
     fresh = np.concatenate([[True], np.diff(time[keep]) > 0]) if len(keep) else np.zeros(0, dtype=bool)
@@ -212,7 +213,8 @@ def _resample(
     moved = (miss > JITTER * step) & ~lost
     if moved.any():
         notes.append(
-            f"{name}: {int(moved.sum())} of {len(clock)} samples are off the regular clock of {step:g} s (by up to {miss[moved].max():.2g} s), interpolated"
+            f"{name}: {int(moved.sum())} of {len(clock)} samples are off the regular clock of {step:g} s "
+            f"(by up to {miss[moved].max():.2g} s), interpolated"
         )
     if lost.any():
         gaps = int(np.sum(np.diff(np.concatenate([[0], lost.astype(int)])) == 1))
@@ -228,7 +230,7 @@ def _fill(
     """An input must be known throughout: bridged in a straight line where it was not recorded."""
     lost = ~np.isfinite(series)
     if lost.mean() > 0.5:
-        raise CampaignError(
+        raise UserError(
             f"{path}: input {name!r} is recorded {100 * (1 - lost.mean()):.0f} % of the time, half at least is needed"
         )
     if lost.any():
@@ -249,7 +251,8 @@ def _initial(
         elif given == "first sample" and name in series:
             values[name] = float(series[name][np.argmax(np.isfinite(series[name]))])
         else:
-            raise CampaignError(
-                f'{path}: initial {name!r} = {given!r} is given, a number or "first sample" of one of {", ".join(series)} is needed'
+            raise UserError(
+                f"{path}: initial {name!r} = {given!r} is given, "
+                f'a number or "first sample" of one of {", ".join(series)} is needed'
             )
     return values

@@ -12,7 +12,7 @@ from typing import Any
 
 from scipy.stats import binomtest
 
-from orchestrator.diagnosis.errors import CampaignError
+from orchestrator.errors import UserError
 
 NOISE = {
     "i_motor": 4.06e-3,
@@ -52,11 +52,11 @@ def read_object(path: Path) -> tuple[dict[str, Any] | None, str | None]:
 
 
 def scoreboard(answers: Mapping[str, Mapping[str, Any]], results: Path) -> dict[str, Any]:
-    """{"summary": rates with 95 % Wilson intervals, "rows": per case}, from RESULTS/<case>/diagnosis.json and verify.json."""
+    """{"summary": rates with 95 % Wilson intervals, "rows": per case}; results: folder of <case>/diagnosis.json."""
     try:
         rows = [_row(case, answers[case], results / case) for case in sorted(answers)]
     except (KeyError, TypeError, IndexError, AttributeError) as error:
-        raise CampaignError(f"answers: not in the form of answers.json: {error!r}") from error
+        raise UserError(f"answers: not in the form of answers.json: {error!r}") from error
     healthy = [r for r in rows if r["healthy"]]
     effects = [e for r in rows for e in r["effects"]]
     listed = [e for e in effects if e["listed"]]
@@ -111,10 +111,11 @@ def _row(case: str, answer: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def _compare(answer: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> tuple[list[dict], list[str], list[tuple]]:
-    """Concealed effects with what was said of each; terms of findings that name none; (confidence, was it true) of the findings.
+    """Effects with what was said of each, terms of findings that name none, (confidence, was it true) of findings.
 
-    A listed effect is named by a finding whose term, or one that it declares equivalent (at most four in all), is accepted for it; an unlisted
-    one is recognised by `unlisted` at its component. Such an abstention is also no false claim where a listed effect stays unnamed.
+    A listed effect is named by a finding whose term, or one that it declares equivalent (at most four in all), is
+    accepted for it; an unlisted one is recognised by `unlisted` at its component. Such an abstention is also no false
+    claim where a listed effect stays unnamed.
     """
     found = [f for f in (diagnosis.get("findings") or []) if isinstance(f, dict)]
     true: set[int] = set()
@@ -155,7 +156,7 @@ def _is_unlisted(finding: Mapping[str, Any]) -> bool:
 
 
 def excess_removed(verify: Mapping[str, Any]) -> float | None:
-    """Share of the held-out error above the logger's noise that the repair removes; None where there was none to speak of."""
+    """Share of the held-out error above noise that the repair removes; None where there was none to speak of."""
     before = after = 0.0
     for name, channel in (verify.get("channels") or {}).items():
         noise = NOISE.get(name) or channel.get("noise")

@@ -6,7 +6,7 @@ import os
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import joblib
 import numpy as np
@@ -17,8 +17,8 @@ T = TypeVar("T")
 class Store:
     """Results by the content of what they were computed from.
 
-    folder: where they lie (created when the first is kept); None keeps nothing. basis: what every result depends on, such as recordings, units
-    and the tool's version: another basis finds nothing of the old one.
+    folder: where they lie (created when the first is kept); None keeps nothing. basis: what every result depends on,
+    such as recordings, units and the tool's version: another basis finds nothing of the old one.
     """
 
     def __init__(self, folder: Path | None, basis: Any = None) -> None:
@@ -35,7 +35,7 @@ class Store:
         path = self.folder / f"{stage}-{joblib.hash((self.basis, stage, inputs))}.joblib"
         if path.is_file():
             try:
-                return joblib.load(path)  # type: ignore[no-any-return]
+                return cast(T, joblib.load(path))
             except (EOFError, ValueError, OSError, KeyError, ImportError, AttributeError):
                 path.unlink(missing_ok=True)  # of another version, or of a full disk: worth computing again
         result = compute()
@@ -52,7 +52,7 @@ def write_atomically(path: Path, write: Callable[[Path], Any]) -> None:
     try:
         write(neighbour)
         neighbour.chmod(0o644)
-        os.replace(neighbour, path)
+        neighbour.replace(path)
     finally:
         neighbour.unlink(missing_ok=True)
 

@@ -11,8 +11,9 @@ import pyarrow.parquet
 import pytest
 import scipy.io
 
-from orchestrator.diagnosis.campaign import CampaignError, load_campaign
+from orchestrator.diagnosis.campaign import load_campaign
 from orchestrator.diagnosis.formats import read_channels
+from orchestrator.errors import UserError
 
 T = np.arange(400) * 1e-3
 W = 50 * np.sin(9 * T)
@@ -28,17 +29,21 @@ def test_parquet_written_by_pyarrow_is_read_with_the_units_of_its_headers(tmp_pa
         pa.table({"time [s]": T, "w_motor [rad/s]": W, "label": ["x"] * 400}), tmp_path / "a.parquet"
     )
     channels = by_name(tmp_path / "a.parquet")
-    assert list(channels) == ["w_motor"] and channels["w_motor"].unit == "rad/s"
-    assert np.array_equal(channels["w_motor"].values, W) and np.array_equal(channels["w_motor"].time, T)
+    assert list(channels) == ["w_motor"]
+    assert channels["w_motor"].unit == "rad/s"
+    assert np.array_equal(channels["w_motor"].values, W)
+    assert np.array_equal(channels["w_motor"].time, T)
 
 
-@pytest.mark.parametrize("delimiter, decimal", [(",", "."), (";", "."), (";", ","), ("\t", ".")])
+@pytest.mark.parametrize(("delimiter", "decimal"), [(",", "."), (";", "."), (";", ","), ("\t", ".")])
 def test_csv_is_read_whatever_its_delimiter_and_decimal_sign(tmp_path: Path, delimiter: str, decimal: str) -> None:
     rows = ["t [ms]" + delimiter + "w_motor [rpm]"]
     rows += [f"{1e3 * t:.3f}{delimiter}{w:.9f}".replace(".", decimal) for t, w in zip(T, W, strict=True)]
     (tmp_path / "a.csv").write_text("\n".join(rows))
     channel = by_name(tmp_path / "a.csv")["w_motor"]
-    assert channel.unit == "rpm" and np.allclose(channel.values, W, atol=1e-8) and np.allclose(channel.time, T)
+    assert channel.unit == "rpm"
+    assert np.allclose(channel.values, W, atol=1e-8)
+    assert np.allclose(channel.time, T)
 
 
 def test_csv_with_absolute_time_stamps_counts_seconds_from_the_first(tmp_path: Path) -> None:
@@ -55,11 +60,9 @@ def test_csv_with_absolute_time_stamps_counts_seconds_from_the_first(tmp_path: P
 def test_mat_written_by_scipy_is_read_and_its_scalars_left(tmp_path: Path, orientation: str) -> None:
     scipy.io.savemat(tmp_path / "a.mat", {"t": T, "qm": W, "gain": 3.0, "run": {"i_motor": V}}, oned_as=orientation)
     channels = by_name(tmp_path / "a.mat")
-    assert (
-        set(channels) == {"qm", "i_motor"}
-        and np.array_equal(channels["qm"].values, W)
-        and np.array_equal(channels["i_motor"].values, V)
-    )
+    assert set(channels) == {"qm", "i_motor"}
+    assert np.array_equal(channels["qm"].values, W)
+    assert np.array_equal(channels["i_motor"].values, V)
 
 
 def test_mat_of_version_7_3_is_read(tmp_path: Path) -> None:
@@ -72,7 +75,7 @@ def test_mat_of_version_7_3_is_read(tmp_path: Path) -> None:
     assert np.array_equal(by_name(tmp_path / "a.mat")["qm"].values, W)
 
 
-@pytest.mark.parametrize("suffix, version", [(".mf4", "4.10"), (".mdf", "3.30")])
+@pytest.mark.parametrize(("suffix", "version"), [(".mf4", "4.10"), (".mdf", "3.30")])
 def test_mdf_written_by_asammdf_is_read_with_units_and_a_clock_per_channel(
     tmp_path: Path, suffix: str, version: str
 ) -> None:
@@ -82,13 +85,15 @@ def test_mdf_written_by_asammdf_is_read_with_units_and_a_clock_per_channel(
         file.append([asammdf.Signal(samples=V[::4], timestamps=T[::4], name="v_command [V]")])
         written = file.save(tmp_path / f"a{suffix}", overwrite=True)
     channels = by_name(Path(written))
-    assert channels["w_motor"].unit == "rad/s" and channels["v_command"].unit == "V"
-    assert np.allclose(channels["w_motor"].values, W) and len(channels["v_command"].time) == 100
+    assert channels["w_motor"].unit == "rad/s"
+    assert channels["v_command"].unit == "V"
+    assert np.allclose(channels["w_motor"].values, W)
+    assert len(channels["v_command"].time) == 100
     assert np.allclose(channels["v_command"].time, T[::4])
 
 
 @pytest.mark.parametrize(
-    "name, content, told",
+    ("name", "content", "told"),
     [
         ("a.xlsx", b"", "suffix '.xlsx' is given, one of .parquet, .csv, .mat, .mf4, .mdf is needed"),
         ("gone.csv", None, "there is no such file"),
@@ -105,9 +110,11 @@ def test_a_file_that_cannot_be_used_is_refused_in_one_line_that_names_it(
 ) -> None:
     if content is not None:
         (tmp_path / name).write_bytes(content)
-    with pytest.raises(CampaignError) as error:
+    with pytest.raises(UserError) as error:
         read_channels(tmp_path / name)
-    assert told in str(error.value) and name in str(error.value) and "\n" not in str(error.value)
+    assert told in str(error.value)
+    assert name in str(error.value)
+    assert "\n" not in str(error.value)
 
 
 def test_one_run_in_four_formats_is_one_recording(tmp_path: Path) -> None:
@@ -133,6 +140,7 @@ def test_one_run_in_four_formats_is_one_recording(tmp_path: Path) -> None:
     first, *others = load_campaign(tmp_path).recordings
     assert len(others) == 3
     for other in others:
-        assert np.allclose(other.time, first.time) and other.notes == []
+        assert np.allclose(other.time, first.time)
+        assert other.notes == []
         for name, values in (first.inputs | first.outputs).items():
             assert np.allclose((other.inputs | other.outputs)[name], values, atol=1e-12)

@@ -9,9 +9,10 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from orchestrator.diagnosis.campaign import CampaignError, holdouts
+from orchestrator.diagnosis.campaign import holdouts
 from orchestrator.diagnosis.prove import cases_of, prove
 from orchestrator.diagnosis.score import seal
+from orchestrator.errors import UserError
 
 CAMPAIGN = 'title = "c"\nsystem = "joint"\n[[recording]]\nfile = "load.parquet"\nsetup = "loaded"\nrole = "train"\n'
 HEALTHY = {"verdict": "nothing_missing", "findings": []}
@@ -35,9 +36,11 @@ def test_finished_cases_are_kept_as_they_are_and_scored(tmp_path: Path) -> None:
     sealed_set(tmp_path, [HEALTHY, HEALTHY, WRONG], published=True)
     before = {path: path.read_bytes() for path in tmp_path.glob("*/diagnosis.json")}
     proof = prove(tmp_path, jobs=1)
-    assert [r.status for r in proof.results] == ["kept"] * 3 and proof.broken_seals == {}
+    assert [r.status for r in proof.results] == ["kept"] * 3
+    assert proof.broken_seals == {}
     assert {path: path.read_bytes() for path in tmp_path.glob("*/diagnosis.json")} == before
-    assert proof.score and proof.score["summary"]["right"] == {"k": 2, "n": 3, "rate": 0.6667, "ci95": [0.208, 0.939]}
+    assert proof.score
+    assert proof.score["summary"]["right"] == {"k": 2, "n": 3, "rate": 0.6667, "ci95": [0.208, 0.939]}
     assert proof.score["summary"]["healthy_with_a_claim"]["k"] == 1
     assert json.loads((tmp_path / "scoreboard.json").read_text())["summary"] == proof.score["summary"]
 
@@ -45,7 +48,8 @@ def test_finished_cases_are_kept_as_they_are_and_scored(tmp_path: Path) -> None:
 def test_without_answers_there_is_no_score_and_no_seal_to_check(tmp_path: Path) -> None:
     sealed_set(tmp_path, [HEALTHY], published=False)
     proof = prove(tmp_path, jobs=1)
-    assert proof.score is None and proof.broken_seals is None
+    assert proof.score is None
+    assert proof.broken_seals is None
 
 
 def test_an_answer_that_was_changed_after_sealing_is_seen(tmp_path: Path) -> None:
@@ -68,5 +72,5 @@ def test_a_folder_without_cases_is_refused(tmp_path: Path, make: bool) -> None:
     folder = tmp_path / "set"
     if make:
         folder.mkdir()
-    with pytest.raises(CampaignError, match="a set is a folder of folders with a campaign.toml each"):
+    with pytest.raises(UserError, match="a set is a folder of folders with a"):
         cases_of(folder)

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator.diagnosis.errors import CampaignError
 from orchestrator.diagnosis.score import broken_seals, rate, scoreboard, seal
+from orchestrator.errors import UserError
 
 TERMS = [
     "motor_bldc.stribeck",
@@ -66,7 +66,8 @@ def test_the_scoreboard_equals_the_published_scorer(
     answers = random_set(random.Random(seed), tmp_path)
     (tmp_path / "answers.json").write_text(json.dumps(answers))
     spec = importlib.util.spec_from_file_location("published_score", shared / "score.py")
-    assert spec and spec.loader
+    assert spec
+    assert spec.loader
     published = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(published)
     monkeypatch.setattr(
@@ -108,5 +109,5 @@ def test_a_seal_is_the_sha256_of_sorted_json_and_salt() -> None:
 
 
 def test_answers_of_another_form_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(CampaignError, match="not in the form of answers.json"):
+    with pytest.raises(UserError, match="not in the form of answers"):
         scoreboard({"case01": {"effect": []}}, tmp_path)

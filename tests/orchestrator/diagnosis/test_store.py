@@ -23,7 +23,7 @@ def test_a_finished_stage_is_not_computed_again_by_a_later_store(tmp_path: Path)
     assert len(calls) == 1
 
 
-@pytest.mark.parametrize("basis, stage, inputs", [(2, "fit", 0.0), (1, "rank", 0.0), (1, "fit", 1e-300)])
+@pytest.mark.parametrize(("basis", "stage", "inputs"), [(2, "fit", 0.0), (1, "rank", 0.0), (1, "fit", 1e-300)])
 def test_another_basis_stage_or_input_is_computed(tmp_path: Path, basis: int, stage: str, inputs: float) -> None:
     Store(tmp_path, 1).remember("fit", 0.0, lambda: "old")
     assert Store(tmp_path, basis).remember(stage, inputs, lambda: "new") == "new"
@@ -47,7 +47,8 @@ def test_a_damaged_file_is_computed_again(tmp_path: Path) -> None:
 
 
 def test_a_store_without_a_folder_keeps_nothing() -> None:
-    assert [Store(None).remember("fit", 0, lambda: k) for k in range(2)] == [0, 1]
+    count = iter(range(2))
+    assert [Store(None).remember("fit", 0, lambda: next(count)) for _ in range(2)] == [0, 1]
 
 
 def test_a_write_that_fails_keeps_the_old_file(tmp_path: Path) -> None:
@@ -59,7 +60,8 @@ def test_a_write_that_fails_keeps_the_old_file(tmp_path: Path) -> None:
 
     with pytest.raises(OSError, match="disk full"):
         write_atomically(tmp_path / "a.json", half)
-    assert (tmp_path / "a.json").read_text() == "old" and len(list(tmp_path.iterdir())) == 1
+    assert (tmp_path / "a.json").read_text() == "old"
+    assert len(list(tmp_path.iterdir())) == 1
 
 
 def test_numbers_become_plain_json() -> None:

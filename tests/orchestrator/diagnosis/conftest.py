@@ -1,0 +1,50 @@
+"""Systems of other people's making, small enough to write here."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import pytest
+
+AXIS_XML = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="axis" guid="{axis}">
+  <CoSimulation modelIdentifier="axis"/>
+  <UnitDefinitions>
+    <Unit name="m"><BaseUnit m="1"/></Unit>
+    <Unit name="N"><BaseUnit kg="1" m="1" s="-2"/></Unit>
+    <Unit name="V"><BaseUnit kg="1" m="2" s="-3" A="-1"/></Unit>
+  </UnitDefinitions>
+  <ModelVariables>
+    <ScalarVariable name="s" valueReference="0" causality="output"><Real unit="m"/></ScalarVariable>
+    <ScalarVariable name="F" valueReference="1" causality="input"><Real unit="N" start="0"/></ScalarVariable>
+    <ScalarVariable name="u" valueReference="2" causality="input"><Real unit="V" start="0"/></ScalarVariable>
+    <ScalarVariable name="friction.d" valueReference="3" causality="parameter" variability="fixed">
+      <Real start="1"/></ScalarVariable>
+  </ModelVariables>
+  <ModelStructure><Outputs><Unknown index="1"/></Outputs></ModelStructure>
+</fmiModelDescription>
+"""
+AXIS_SSD = """<?xml version="1.0" encoding="UTF-8"?>
+<ssd:SystemStructureDescription xmlns:ssd="http://ssp-standard.org/SSP1/SystemStructureDescription"
+  xmlns:ssc="http://ssp-standard.org/SSP1/SystemStructureCommon" name="axis" version="1.0">
+  <ssd:System name="axis">
+    <ssd:Connectors>
+      <ssd:Connector name="u" kind="input"><ssc:Real unit="V"/></ssd:Connector>
+    </ssd:Connectors>
+    <ssd:Elements><ssd:Component name="axis" source="axis.fmu"/></ssd:Elements>
+    <ssd:Connections>
+      <ssd:Connection startConnector="u" endElement="axis" endConnector="u"/>
+    </ssd:Connections>
+  </ssd:System>
+</ssd:SystemStructureDescription>
+"""
+
+
+@pytest.fixture
+def axis(tmp_path: Path) -> Path:
+    """A system of one foreign FMU, of which only the description is needed."""
+    with zipfile.ZipFile(tmp_path / "axis.fmu", "w") as archive:
+        archive.writestr("modelDescription.xml", AXIS_XML)
+    (tmp_path / "axis.ssd").write_text(AXIS_SSD)
+    return tmp_path / "axis.ssd"

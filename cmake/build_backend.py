@@ -66,13 +66,13 @@ def get_requires_for_build_editable(config_settings: Settings = None) -> list[st
     return [*skbuild.get_requires_for_build_editable(config_settings), *_zig()]
 
 
-def build_wheel(wheel_directory: str, config_settings: Settings = None, metadata_directory: str | None = None) -> str:
+def build_wheel(directory: str, config_settings: Settings = None, metadata_directory: str | None = None) -> str:
     ensure_compiler()
-    return skbuild.build_wheel(wheel_directory, config_settings, metadata_directory)
+    return skbuild.build_wheel(directory, config_settings, metadata_directory)
 
 
 def build_editable(
     wheel_directory: str, config_settings: Settings = None, metadata_directory: str | None = None
 ) -> str:
     ensure_compiler()
-    return skbuild.build_editable(wheel_directory, config_settings, metadata_directory)
+    return skbuild.build_editable(directory, config_settings, metadata_directory)

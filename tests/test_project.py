@@ -1,0 +1,123 @@
+"""The project around the code: what the pages promise exists, each fact stands in one place, what is installed is declared."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+import tomllib
+from functools import cache
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGES = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("*/README.md"), *ROOT.glob("proof/**/*.md")]
+
+
+@cache
+def project() -> dict:
+    return tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def without_code(markdown: str) -> str:
+    return re.sub(r"```.*?```|`[^`\n]*`|^    .*$", "", markdown, flags=re.S | re.M)
+
+
+def anchors(page: Path) -> set[str]:
+    headings = re.findall(r"^#+ (.+)$", page.read_text(encoding="utf-8"), flags=re.M)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", sorted(set(PAGES)), ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_somewhere(page: Path) -> None:
+    broken = []
+    for link in re.findall(r"\]\(([^)\s]+)\)", without_code(page.read_text(encoding="utf-8"))):
+        if re.match(r"[a-z]+:", link):
+            continue
+        path, _, anchor = link.partition("#")
+        target = page.parent / path if path else page
+        if not target.exists() or (anchor and target.suffix == ".md" and anchor not in anchors(target)):
+            broken.append(link)
+    assert not broken
+
+
+def test_commands_in_the_readme_exist() -> None:
+    import typer.main
+
+    from orchestrator.cli import app
+
+    known = set(typer.main.get_group(app).commands)
+    used = set(re.findall(r"cobot-joint ([a-z_]+)", (ROOT / "README.md").read_text(encoding="utf-8")))
+    assert used, "the README shows no command"
+    assert used <= known
+
+
+def test_scenarios_in_the_readme_exist() -> None:
+    used = set(re.findall(r"cobot-joint run ([a-z_]+)", (ROOT / "README.md").read_text(encoding="utf-8")))
+    assert used <= {path.stem for path in (ROOT / "scenarios").glob("*.toml")}
+
+
+def test_decisions_are_listed_on_the_docs_page() -> None:
+    page = (ROOT / "docs/README.md").read_text(encoding="utf-8")
+    unlisted = [d.name for d in (ROOT / "docs/decisions").glob("*.md") if f"(decisions/{d.name})" not in page]
+    assert not unlisted
+
+
+def test_the_version_stands_in_one_place_and_the_changelog_knows_it() -> None:
+    from orchestrator import __version__
+
+    assert project()["project"]["dynamic"] == ["version"]
+    headings = re.findall(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), flags=re.M)
+    assert __version__ in headings
+
+
+def test_what_the_package_imports_is_declared() -> None:
+    imported: dict[str, str] = {}
+    for file in sorted((ROOT / "orchestrator").rglob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                names = [node.module]
+            imported |= {name.split(".")[0]: str(file.relative_to(ROOT)) for name in names}
+    foreign = {n: f for n, f in imported.items() if n not in sys.stdlib_module_names and n != "orchestrator"}
+    extras = project()["project"]["optional-dependencies"]
+    declared = {
+        re.split(r"[ \[<>=~!]", requirement)[0].lower().replace("_", "-")
+        for requirement in [*project()["project"]["dependencies"], *(r for extra in extras.values() for r in extra)]
+    }
+    distributions = packages_distributions()
+    undeclared = {
+        name: file
+        for name, file in foreign.items()
+        if not {d.lower().replace("_", "-") for d in distributions.get(name, [name])} & declared
+    }
+    assert not undeclared
+
+
+def test_the_command_line_starts_in_an_empty_folder(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "orchestrator", "--version"], cwd=tmp_path, capture_output=True, text=True, timeout=120
+    )
+    from orchestrator import __version__
+
+    assert done.returncode == 0, done.stderr
+    assert __version__ in done.stdout
+
+
+@pytest.mark.parametrize("unit", sorted(p.parent.name for p in ROOT.glob("fmus/*/model.def")))
+def test_every_unit_has_an_icon(unit: str) -> None:
+    icon = (ROOT / "fmus" / unit / "model.png").read_bytes()
+    assert icon[:8] == b"\x89PNG\r\n\x1a\n"
+    assert int.from_bytes(icon[16:20]) == int.from_bytes(icon[20:24]) == 256
+
+
+def test_no_file_names_a_folder_of_one_machine() -> None:
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True)
+    if listed.returncode:
+        pytest.skip("not a git checkout")
+    home = re.compile(rb"/(?:home|Users|root|work)/[\w.]+/")
+    named = [f for f in listed.stdout.split("\n") if f and (ROOT / f).is_file() and home.search((ROOT / f).read_bytes())]
+    assert not named

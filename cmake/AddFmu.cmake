@@ -1,0 +1,74 @@
+# add_fmu(NAME): fmus/NAME/{model.def, equations.c} -> build/fmus/NAME.fmu
+#   table -> describe (built and run here) -> modelDescription.xml, documentation/index.html
+#   table + equations + glue -> binaries/PLATFORM/NAME
+find_program(CLANG_FORMAT clang-format)
+
+if(CMAKE_SYSTEM_NAME STREQUAL "Windows")
+  set(FMI_PLATFORM win64)
+elseif(CMAKE_SYSTEM_NAME STREQUAL "Darwin")
+  set(FMI_PLATFORM darwin64)
+elseif(CMAKE_SYSTEM_PROCESSOR MATCHES "aarch64|arm64")
+  set(FMI_PLATFORM aarch64-linux)
+else()
+  set(FMI_PLATFORM linux64)
+endif()
+
+set(FMU_OUTPUT_DIR ${CMAKE_BINARY_DIR}/fmus)
+file(MAKE_DIRECTORY ${FMU_OUTPUT_DIR})
+file(GLOB FMI2_GLUE CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/fmus/fmi2/*.[ch] ${CMAKE_SOURCE_DIR}/fmus/fmi2/*.def)
+file(GLOB FRICTION CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/fmus/friction/*)
+
+function(add_fmu name)
+  set(source ${CMAKE_SOURCE_DIR}/fmus/${name})
+  set(tree ${CMAKE_BINARY_DIR}/units/${name})
+  file(GLOB physics CONFIGURE_DEPENDS ${source}/*.c ${source}/*.h ${source}/*.def)
+  file(MAKE_DIRECTORY ${tree}/fmu/sources/fmi2 ${tree}/fmu/sources/friction ${tree}/fmu/sources/${name} ${tree}/fmu/documentation
+       ${tree}/fmu/resources ${tree}/fmu/binaries/${FMI_PLATFORM})
+  file(CONFIGURE OUTPUT ${tree}/fmu/sources/all.c CONTENT
+       "#define MODEL_DEF \"@name@/model.def\"\n#define EQUATIONS \"@name@/equations.c\"\n#include \"fmi2/fmi2.c\"\n" @ONLY)
+
+  add_library(${name} MODULE ${tree}/fmu/sources/all.c)
+  target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR}/fmus ${FMI2_INCLUDE_DIR})
+  set_source_files_properties(${tree}/fmu/sources/all.c PROPERTIES OBJECT_DEPENDS "${physics};${FMI2_GLUE};${FRICTION}")
+  set_target_properties(${name} PROPERTIES PREFIX "" C_VISIBILITY_PRESET hidden LIBRARY_OUTPUT_DIRECTORY ${tree}/fmu/binaries/${FMI_PLATFORM}
+                                           RUNTIME_OUTPUT_DIRECTORY ${tree}/fmu/binaries/${FMI_PLATFORM})
+  if(APPLE)
+    set_target_properties(${name} PROPERTIES SUFFIX ".dylib")
+  endif()
+  if(MSVC)
+    target_compile_options(${name} PRIVATE /W4)
+  else()
+    target_compile_options(${name} PRIVATE -O3 -fno-math-errno -fno-trapping-math ${STRICT_WARNINGS})
+    target_link_libraries(${name} PRIVATE m)
+  endif()
+
+  add_executable(describe_${name} ${CMAKE_SOURCE_DIR}/fmus/fmi2/describe.c)
+  target_include_directories(describe_${name} PRIVATE ${CMAKE_SOURCE_DIR}/fmus)
+  target_compile_definitions(describe_${name} PRIVATE MODEL_DEF="${name}/model.def")
+  if(NOT MSVC)
+    target_compile_options(describe_${name} PRIVATE -O0 -Wno-unused-function)
+    target_link_libraries(describe_${name} PRIVATE m)
+  endif()
+  set_property(SOURCE ${CMAKE_SOURCE_DIR}/fmus/fmi2/describe.c APPEND PROPERTY OBJECT_DEPENDS "${physics};${FMI2_GLUE};${FRICTION}")
+
+  set(icon)
+  if(EXISTS ${source}/model.png)
+    set(icon ${source}/model.png)
+  endif()
+  add_custom_command(
+    OUTPUT ${FMU_OUTPUT_DIR}/${name}.fmu
+    COMMAND describe_${name} xml ${PROJECT_VERSION} > ${tree}/fmu/modelDescription.xml
+    COMMAND describe_${name} html ${PROJECT_VERSION} > ${tree}/fmu/documentation/index.html
+    COMMAND ${CMAKE_COMMAND} -E copy_if_different ${FMI2_GLUE} ${tree}/fmu/sources/fmi2
+    COMMAND ${CMAKE_COMMAND} -E copy_if_different ${FRICTION} ${tree}/fmu/sources/friction
+    COMMAND ${CMAKE_COMMAND} -E copy_if_different ${physics} ${tree}/fmu/sources/${name}
+    COMMAND ${CMAKE_COMMAND} -E copy_if_different ${CMAKE_SOURCE_DIR}/LICENSE ${tree}/fmu/documentation
+    COMMAND ${CMAKE_COMMAND} -E $<IF:$<BOOL:${icon}>,copy_if_different,true> ${icon} "$<$<BOOL:${icon}>:${tree}/fmu>" "$<$<BOOL:${icon}>:${tree}/fmu/documentation>"
+    COMMAND ${CMAKE_COMMAND} -E rm -f ${FMU_OUTPUT_DIR}/${name}.fmu
+    COMMAND ${CMAKE_COMMAND} -E chdir ${tree}/fmu ${CMAKE_COMMAND} -E tar cf ${FMU_OUTPUT_DIR}/${name}.fmu --format=zip
+            modelDescription.xml documentation sources resources binaries $<$<BOOL:${icon}>:model.png>
+    DEPENDS ${name} describe_${name} ${physics} ${FMI2_GLUE} ${FRICTION} ${icon}
+    COMMAND_EXPAND_LISTS VERBATIM
+    COMMENT "${name}.fmu")
+  add_custom_target(${name}_fmu ALL DEPENDS ${FMU_OUTPUT_DIR}/${name}.fmu)
+endfunction()

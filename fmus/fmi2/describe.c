@@ -1,0 +1,361 @@
+/* Prints what follows from a unit's table: `describe xml` its modelDescription.xml, `describe html` its reference page.
+ * Built and run on the machine that builds, once per unit. */
+#include "fmi2/table.h"
+
+#include <string.h>
+
+typedef struct {
+  const char *name, *title, *equation, *source, *amplitude;
+  double neutral;
+} TermInfo; /* amplitude: NULL for a part that is always there */
+static const TermInfo TERM_INFO[] = {
+#define PART(name, title, equation, source) {#name, title, equation, source, NULL, 0},
+#define TERM(name, title, equation, source, amplitude, neutral) {#name, title, equation, source, #amplitude, neutral},
+#include "fmi2/rows.h"
+    {NULL, NULL, NULL, NULL, NULL, 0}};
+
+typedef struct {
+  const char *term, *name, *scan;
+  double from, to;
+  int points;
+} ShapeInfo;
+static const ShapeInfo SHAPE_INFO[] = {
+#define SHAPE(term, name, unit, start, min, max, from, to, scan, points, text) {#term, #name, #scan, from, to, points},
+#include "fmi2/rows.h"
+    {NULL, NULL, NULL, 0, 0, 0}};
+
+typedef struct {
+  const char *name, *phi, *w, *tau, *W, *W_abs, *role;
+} FlangeInfo;
+static const FlangeInfo FLANGE_INFO[] = {
+#define FLANGE(name, phi, w, tau, W, W_abs, role) {#name, #phi, #w, #tau, #W, #W_abs, #role},
+#include "fmi2/rows.h"
+    {NULL, NULL, NULL, NULL, NULL, NULL, NULL}};
+
+static const char *const UNIT_TITLE =
+#define UNIT(name, title, text) title
+#include "fmi2/rows.h"
+    ;
+static const char *const UNIT_TEXT =
+#define UNIT(name, title, text) text
+#include "fmi2/rows.h"
+    ;
+
+typedef struct {
+  const char *name;
+  int kg, m, s, A, K, rad;
+  double factor;
+} UnitOfMeasure;
+static const UnitOfMeasure UNITS[] = {
+#define UNIT_OF_MEASURE(name, kg, m, s, A, K, rad, factor) {name, kg, m, s, A, K, rad, factor},
+#include "fmi2/units.def"
+};
+
+static void escaped(const char *text) {
+  for (; *text; text++) switch (*text) {
+      case '<': fputs("&lt;", stdout); break;
+      case '>': fputs("&gt;", stdout); break;
+      case '&': fputs("&amp;", stdout); break;
+      case '"': fputs("&quot;", stdout); break;
+      default: putchar(*text);
+    }
+}
+
+static void attribute(const char *name, const char *value) {
+  printf(" %s=\"", name);
+  escaped(value);
+  putchar('"');
+}
+
+static void exponent(const char *name, int n) {
+  if (n) printf(" %s=\"%d\"", name, n);
+}
+
+static int used(const char *unit) {
+  for (int i = 0; i < N_PUBLIC; i++)
+    if (strcmp(REAL_INFO[i].unit, unit) == 0) return 1;
+  return 0;
+}
+
+static int known(const char *unit) {
+  for (size_t i = 0; i < sizeof UNITS / sizeof *UNITS; i++)
+    if (strcmp(UNITS[i].name, unit) == 0) return 1;
+  return 0;
+}
+
+/* ---- modelDescription.xml -------------------------------------------------------------------------------------- */
+
+static void scalar(const char *term, const char *name, unsigned reference, const char *text, const char *causality,
+                   const char *variability, const char *initial) {
+  char full[NAME_SIZE];
+  printf("    <ScalarVariable name=\"%s\" valueReference=\"%u\"", full_name(full, term, name), reference);
+  attribute("description", text);
+  printf(" causality=\"%s\" variability=\"%s\"", causality, variability);
+  if (initial) printf(" initial=\"%s\"", initial);
+  printf(">");
+}
+
+static void xml_real(int i) {
+  const RealInfo *r = &REAL_INFO[i];
+  const int settable = r->kind == IS_STATE || r->kind == IS_INPUT || r->kind == IS_PARAMETER;
+  const char *causality = r->kind == IS_STATE      ? r->feeds
+                          : r->kind == IS_INPUT    ? "input"
+                          : r->kind == IS_LOCAL    ? "local"
+                          : r->kind == IS_PARAMETER ? "parameter"
+                                                    : "output";
+  scalar(r->term, r->name, (unsigned)i, r->text, causality, r->kind == IS_PARAMETER ? "tunable" : "continuous",
+         r->kind == IS_INPUT ? NULL : settable ? "exact" : "calculated");
+  printf("<Real unit=\"%s\"", r->unit);
+  if (r->min > -DBL_MAX) printf(" min=\"%.17g\"", r->min);
+  if (r->max < DBL_MAX) printf(" max=\"%.17g\"", r->max);
+  if (r->kind != IS_PARAMETER) printf(" nominal=\"%.17g\"", r->nominal);
+  if (settable) printf(" start=\"%.17g\"", r->start);
+  printf("/></ScalarVariable>\n");
+}
+
+static void xml_integer(int i) {
+  const DiscreteInfo *r = &INTEGER_INFO[i];
+  const int parameter = r->kind == IS_PARAMETER;
+  scalar(r->term, r->name, (unsigned)i, r->text, parameter ? "parameter" : "output", parameter ? "fixed" : "discrete",
+         parameter ? "exact" : "calculated");
+  char full[NAME_SIZE];
+  if (r->options)
+    printf("<Enumeration declaredType=\"%s\" start=\"%d\"/>", full_name(full, r->term, r->name), r->start);
+  else if (parameter)
+    printf("<Integer min=\"%d\" max=\"%d\" start=\"%d\"/>", r->min, r->max, r->start);
+  else
+    printf("<Integer min=\"%d\" max=\"%d\"/>", r->min, r->max);
+  printf("</ScalarVariable>\n");
+}
+
+static void xml_boolean(int i) {
+  const DiscreteInfo *r = &BOOLEAN_INFO[i];
+  const int input = r->kind == IS_INPUT;
+  scalar(r->term, r->name, (unsigned)i, r->text, input ? "input" : "output", "discrete", input ? NULL : "calculated");
+  printf(input ? "<Boolean start=\"%s\"/></ScalarVariable>\n" : "<Boolean/></ScalarVariable>\n", r->start ? "true" : "false");
+}
+
+static int is_output(int i) {
+  const RealInfo *r = &REAL_INFO[i];
+  return r->kind == IS_OUTPUT || r->kind == IS_INTEGRAL || (r->kind == IS_STATE && strcmp(r->feeds, "output") == 0);
+}
+
+/* index in ModelVariables, from 1: reals, then integers, then Booleans */
+static int index_of_input(const char *name, size_t length) {
+  for (int i = FIRST_INPUT; i < FIRST_INPUT + N_INPUT; i++)
+    if (strlen(REAL_INFO[i].name) == length && strncmp(REAL_INFO[i].name, name, length) == 0) return i + 1;
+  for (int i = 1; i < N_BOOLEAN; i++)
+    if (BOOLEAN_INFO[i].kind == IS_INPUT && strlen(BOOLEAN_INFO[i].name) == length && strncmp(BOOLEAN_INFO[i].name, name, length) == 0)
+      return N_PUBLIC + N_INTEGER - 1 + i;
+  fprintf(stderr, "%s: an output names the feed-through \"%.*s\", which is no input\n", UNIT_NAME, (int)length, name);
+  return -1;
+}
+
+static int xml_unknown(int index, const char *feeds) {
+  int bad = 0;
+  printf("      <Unknown index=\"%d\" dependencies=\"", index);
+  for (const char *sep = ""; *feeds; sep = " ") {
+    const size_t length = strcspn(feeds, " ");
+    const int input = index_of_input(feeds, length);
+    bad |= input < 0;
+    printf("%s%d", sep, input);
+    feeds += length + (feeds[length] == ' ');
+  }
+  printf("\"/>\n");
+  return bad;
+}
+
+static int xml_structure(void) {
+  int bad = 0;
+  printf("  <ModelStructure>\n    <Outputs>\n");
+  for (int i = 0; i < N_PUBLIC; i++)
+    if (is_output(i)) bad |= xml_unknown(i + 1, REAL_INFO[i].kind == IS_OUTPUT ? REAL_INFO[i].feeds : "");
+  for (int i = 1; i < N_INTEGER; i++)
+    if (INTEGER_INFO[i].kind == IS_OUTPUT) bad |= xml_unknown(N_PUBLIC + i, INTEGER_INFO[i].feeds);
+  for (int i = 1; i < N_BOOLEAN; i++)
+    if (BOOLEAN_INFO[i].kind == IS_OUTPUT) bad |= xml_unknown(N_PUBLIC + N_INTEGER - 1 + i, BOOLEAN_INFO[i].feeds);
+  printf("    </Outputs>\n    <InitialUnknowns>\n");
+  for (int i = 0; i < N_PUBLIC; i++)
+    if (REAL_INFO[i].kind != IS_STATE && is_output(i)) printf("      <Unknown index=\"%d\"/>\n", i + 1);
+  for (int i = 1; i < N_INTEGER; i++)
+    if (INTEGER_INFO[i].kind == IS_OUTPUT) printf("      <Unknown index=\"%d\"/>\n", N_PUBLIC + i);
+  for (int i = 1; i < N_BOOLEAN; i++)
+    if (BOOLEAN_INFO[i].kind == IS_OUTPUT) printf("      <Unknown index=\"%d\"/>\n", N_PUBLIC + N_INTEGER - 1 + i);
+  printf("    </InitialUnknowns>\n  </ModelStructure>\n");
+  return bad;
+}
+
+static void xml_annotations(void) {
+  char full[NAME_SIZE];
+  printf("  <VendorAnnotations>\n    <Tool name=\"cobot-joint\"><Physics>\n");
+  for (const TermInfo *t = TERM_INFO; t->name; t++) {
+    printf("      <%s name=\"%s\"", t->amplitude ? "Term" : "Part", t->name);
+    attribute("title", t->title);
+    attribute("equation", t->equation);
+    attribute("source", t->source);
+    if (t->amplitude) printf(" amplitude=\"%s\" neutral=\"%.17g\"", full_name(full, t->name, t->amplitude), t->neutral);
+    printf(">\n");
+    for (const ShapeInfo *s = SHAPE_INFO; s->term; s++)
+      if (strcmp(s->term, t->name) == 0)
+        printf("        <Shape name=\"%s\" min=\"%.17g\" max=\"%.17g\" scan=\"%s\" points=\"%d\"/>\n", full_name(full, s->term, s->name),
+               s->from, s->to, s->scan, s->points);
+    printf("      </%s>\n", t->amplitude ? "Term" : "Part");
+  }
+  for (const FlangeInfo *f = FLANGE_INFO; f->name; f++)
+    printf("      <Flange name=\"%s\" phi=\"%s\" w=\"%s\" tau=\"%s\" W=\"%s\" W_abs=\"%s\" role=\"%s\"/>\n", f->name, f->phi, f->w, f->tau,
+           f->W, f->W_abs, f->role);
+  printf("    </Physics></Tool>\n  </VendorAnnotations>\n");
+}
+
+static void xml_enumerations(void) {
+  char full[NAME_SIZE];
+  int any = 0;
+  for (int i = 1; i < N_INTEGER; i++) {
+    const DiscreteInfo *r = &INTEGER_INFO[i];
+    if (!r->options) continue;
+    if (!any++) printf("  <TypeDefinitions>\n");
+    printf("    <SimpleType name=\"%s\"><Enumeration>", full_name(full, r->term, r->name));
+    const char *option = r->options;
+    for (int n = 1; *option; n++) {
+      const size_t length = strcspn(option, "|");
+      printf("<Item name=\"%.*s\" value=\"%d\"/>", (int)length, option, n);
+      option += length + (option[length] == '|');
+    }
+    printf("</Enumeration></SimpleType>\n");
+  }
+  if (any) printf("  </TypeDefinitions>\n");
+}
+
+static int xml(const char *version) {
+  char guid[GUID_SIZE];
+  int bad = 0;
+  table_guid(guid);
+  printf("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"2.0\" modelName=\"%s\" guid=\"%s\"", UNIT_NAME, guid);
+  attribute("description", UNIT_TEXT);
+  printf(" author=\"the cobot-joint developers\" version=\"%s\" license=\"BSD-2-Clause\" generationTool=\"cobot-joint\""
+         " variableNamingConvention=\"structured\" numberOfEventIndicators=\"0\">\n",
+         version);
+  printf("  <CoSimulation modelIdentifier=\"%s\" canHandleVariableCommunicationStepSize=\"true\" canInterpolateInputs=\"true\""
+         " maxOutputDerivativeOrder=\"1\" canNotUseMemoryManagementFunctions=\"true\" canGetAndSetFMUstate=\"true\""
+         " canSerializeFMUstate=\"true\" providesDirectionalDerivative=\"true\">\n"
+         "    <SourceFiles><File name=\"all.c\"/></SourceFiles>\n  </CoSimulation>\n",
+         UNIT_NAME);
+  printf("  <UnitDefinitions>\n");
+  for (size_t i = 0; i < sizeof UNITS / sizeof *UNITS; i++) {
+    const UnitOfMeasure *u = &UNITS[i];
+    if (!used(u->name)) continue;
+    printf("    <Unit name=\"%s\"><BaseUnit", u->name);
+    exponent("kg", u->kg);
+    exponent("m", u->m);
+    exponent("s", u->s);
+    exponent("A", u->A);
+    exponent("K", u->K);
+    exponent("rad", u->rad);
+    if (u->factor != 1) printf(" factor=\"%.17g\"", u->factor);
+    printf("/></Unit>\n");
+  }
+  printf("  </UnitDefinitions>\n");
+  xml_enumerations();
+  printf("  <LogCategories><Category name=\"logStatusError\" description=\"why a call was refused or failed\"/>"
+         "<Category name=\"logEvents\" description=\"located events\"/></LogCategories>\n");
+  printf("  <DefaultExperiment startTime=\"0\" stopTime=\"1\" tolerance=\"1e-06\" stepSize=\"0.001\"/>\n");
+  xml_annotations();
+  printf("  <ModelVariables>\n");
+  for (int i = 0; i < N_PUBLIC; i++) {
+    if (!known(REAL_INFO[i].unit)) {
+      fprintf(stderr, "%s: unit of measure \"%s\" of %s is not in fmi2/units.def\n", UNIT_NAME, REAL_INFO[i].unit, REAL_INFO[i].name);
+      bad = 1;
+    }
+    xml_real(i);
+  }
+  for (int i = 1; i < N_INTEGER; i++) xml_integer(i);
+  for (int i = 1; i < N_BOOLEAN; i++) xml_boolean(i);
+  printf("  </ModelVariables>\n");
+  bad |= xml_structure();
+  printf("</fmiModelDescription>\n");
+  return bad;
+}
+
+/* ---- reference page -------------------------------------------------------------------------------------------- */
+
+static void cell(const char *text) {
+  printf("<td>");
+  escaped(text);
+  printf("</td>");
+}
+
+static void html_rows(const char *term, Kind kind) {
+  char full[NAME_SIZE], range[96] = "";
+  for (int i = 0; i < N_PUBLIC; i++) {
+    const RealInfo *r = &REAL_INFO[i];
+    if (r->kind != kind || strcmp(r->term, term) != 0) continue;
+    if (kind == IS_PARAMETER) snprintf(range, sizeof range, "%g (%g to %g)", r->start, r->min, r->max);
+    printf("<tr>");
+    cell(full_name(full, r->term, r->name));
+    cell(range);
+    cell(r->unit);
+    cell(r->text);
+    printf("</tr>\n");
+  }
+  const DiscreteInfo *sets[] = {INTEGER_INFO, BOOLEAN_INFO};
+  const int counts[] = {N_INTEGER, N_BOOLEAN};
+  for (int s = 0; s < 2; s++)
+    for (int i = 1; i < counts[s]; i++) {
+      const DiscreteInfo *r = &sets[s][i];
+      if (r->kind != kind || strcmp(r->term, term) != 0) continue;
+      printf("<tr>");
+      cell(full_name(full, r->term, r->name));
+      cell(r->options ? r->options : "");
+      cell(s == 0 ? "Integer" : "Boolean");
+      cell(r->text);
+      printf("</tr>\n");
+    }
+}
+
+static void html_ports(const char *title, Kind kind) {
+  printf("<h2>%s</h2>\n<table>\n", title);
+  html_rows("", kind);
+  printf("</table>\n");
+}
+
+static int html(const char *version) {
+  char guid[GUID_SIZE];
+  table_guid(guid);
+  printf("<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>%s</title>\n"
+         "<style>body{font:16px/1.5 system-ui,sans-serif;max-width:60em;margin:2em auto;padding:0 1em}table{border-collapse:collapse}"
+         "td{padding:.2em .8em .2em 0;vertical-align:top;border-bottom:1px solid #ddd}code{background:#f4f4f4;padding:.1em .3em}"
+         "img{float:right;width:128px}</style></head>\n<body>\n<img src=\"model.png\" alt=\"\">\n<h1>%s</h1>\n<p>",
+         UNIT_NAME, UNIT_NAME);
+  escaped(UNIT_TITLE);
+  printf(". ");
+  escaped(UNIT_TEXT);
+  printf("</p>\n<p>FMI 2.0 co-simulation, version %s, GUID <code>%s</code>. SI units. Every term is off at its neutral value.</p>\n", version, guid);
+  html_ports("Inputs", IS_INPUT);
+  html_ports("States", IS_STATE);
+  html_ports("Outputs", IS_OUTPUT);
+  html_ports("Work at the ports", IS_INTEGRAL);
+  for (int optional = 0; optional < 2; optional++) {
+    printf("<h2>%s</h2>\n", optional ? "Terms that can be switched on" : "Base model");
+    for (const TermInfo *t = TERM_INFO; t->name; t++) {
+      if ((t->amplitude != NULL) != optional) continue;
+      printf("<h3 id=\"%s\">%s: ", t->name, t->name);
+      escaped(t->title);
+      printf("</h3>\n<p><code>");
+      escaped(t->equation);
+      printf("</code><br>Source: ");
+      escaped(t->source);
+      printf("</p>\n<table>\n");
+      html_rows(t->name, IS_PARAMETER);
+      printf("</table>\n");
+    }
+  }
+  printf("</body></html>\n");
+  return 0;
+}
+
+int main(int argc, char *argv[]) {
+  if (argc == 3 && strcmp(argv[1], "xml") == 0) return xml(argv[2]);
+  if (argc == 3 && strcmp(argv[1], "html") == 0) return html(argv[2]);
+  fprintf(stderr, "describe: usage: describe xml|html VERSION\n");
+  return 2;
+}

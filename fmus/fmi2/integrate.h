@@ -1,0 +1,151 @@
+/* How a unit gets from one communication point to the next: explicit Runge-Kutta of order 3 with an embedded error
+ * estimate (Bogacki and Shampine 1989, "A 3(2) pair of Runge-Kutta formulas", Appl. Math. Lett. 2(4)), steps chosen by
+ * the error, events located on the cubic Hermite interpolant and then stepped onto. Knows no physics. */
+#ifndef COBOT_JOINT_INTEGRATE_H
+#define COBOT_JOINT_INTEGRATE_H
+
+#include <string.h>
+
+#include "fmi2/table.h"
+#include "fmi2/unit.h"
+
+enum { N_X1 = N_X > 0 ? N_X : 1, N_EVENT1 = N_EVENT > 0 ? N_EVENT : 1, MAX_STEPS = 5000000 };
+
+/* u(t) = c0 + c1 (t-t0) + c2 (t-t0)^2/2 + c3 (t-t0)^3/6 for the inputs that move (FMI 2.0, 4.2.1) */
+static inline void inputs_at(Unit *m, double t) {
+  for (int j = 0; j < N_INPUT; j++) {
+    if (m->u[j].order == 0) continue;
+    const double s = t - m->u[j].t0, *c = m->u[j].c;
+    m->real[FIRST_INPUT + j] = c[0] + s * (c[1] + s / 2 * (c[2] + s / 3 * c[3]));
+  }
+}
+
+static inline void evaluate(Unit *m, double t) {
+  m->time = t;
+  inputs_at(m, t);
+  unit_equations(m);
+}
+
+#if defined UNIT_EVENTS
+static inline bool event_pending(const Unit *m, double z[]) {
+  bool any = false;
+  unit_indicators(m, z);
+  for (int k = 0; k < N_EVENT; k++) any |= z[k] > 0;
+  return any;
+}
+
+/* all events that are due at the present point; one may call up the next */
+static bool events_here(Unit *m) {
+  double z[N_EVENT1];
+  for (int n = 0; n < 64; n++) {
+    if (!event_pending(m, z)) return true;
+    for (int k = 0; k < N_EVENT; k++)
+      if (z[k] > 0) unit_event(m, k);
+    evaluate(m, m->time);
+  }
+  return false;
+}
+#endif
+
+/* one step of length h from (t, x0) with k1 known; leaves the end point evaluated in m and returns the error norm */
+static inline double rk_step(Unit *m, double t, double h, const double x0[], const double k1[]) {
+  double k2[N_X1], k3[N_X1], *x = m->real;
+  const double *der = m->real + FIRST_DER;
+  for (int i = 0; i < N_X; i++) x[i] = x0[i] + h / 2 * k1[i];
+  evaluate(m, t + h / 2);
+  for (int i = 0; i < N_X; i++) x[i] = x0[i] + h * 3 / 4 * (k2[i] = der[i]);
+  evaluate(m, t + h * 3 / 4);
+  for (int i = 0; i < N_X; i++) x[i] = x0[i] + h / 9 * (2 * k1[i] + 3 * k2[i] + 4 * (k3[i] = der[i]));
+  evaluate(m, t + h);
+  double worst = 0;
+  for (int i = 0; i < N_STATE; i++) {
+    const double e = h / 72 * (-5 * k1[i] + 6 * k2[i] + 8 * k3[i] - 9 * der[i]);
+    const double r = fabs(e) / (m->tolerance * REAL_INFO[i].nominal);
+    if (!(r <= worst)) worst = r; /* also catches NaN */
+  }
+  return worst;
+}
+
+#if defined UNIT_EVENTS
+/* where in (0, 1] of the step just taken the first event lies: its indicator on the Hermite interpolant, halved down */
+static double first_event(const Unit *m, double t, double h, const double x0[], const double k1[]) {
+  const double *x1 = m->real, *k4 = m->real + FIRST_DER;
+  double low = 0, high = 1, z[N_EVENT1];
+  Unit probe = *m;
+  for (int n = 0; n < 48 && (high - low) * h > 1e-13; n++) {
+    const double s = (low + high) / 2;
+    for (int i = 0; i < N_X; i++) {
+      const double d = x1[i] - x0[i];
+      probe.real[i] = x0[i] + s * d + s * (s - 1) * ((1 - 2 * s) * d + (s - 1) * h * k1[i] + s * h * k4[i]);
+    }
+    probe.time = t + s * h;
+    inputs_at(&probe, probe.time);
+    unit_equations(&probe);
+    if (event_pending(&probe, z))
+      high = s;
+    else
+      low = s;
+  }
+  return high;
+}
+#endif
+
+/* From m->time to t_end. Returns NULL, or why it could not be done. */
+static const char *integrate(Unit *m, double t_end) {
+  if (m->stale) evaluate(m, m->time);
+  m->stale = 0;
+#if defined UNIT_EVENTS
+  if (!events_here(m)) return "events follow each other without end";
+#endif
+  if (N_X == 0) {
+    evaluate(m, t_end);
+    return NULL;
+  }
+  double t = m->time, x0[N_X1], k1[N_X1];
+  const double *der = m->real + FIRST_DER, shortest = 1e-13 * fmax(1, fabs(t_end));
+  for (int n = 0; n < MAX_STEPS; n++) {
+    const double left = t_end - t;
+    if (left <= shortest) {
+      if (m->time != t_end) m->time = t_end;
+      return NULL;
+    }
+    /* the last step ends on t_end; the one before it is halved with it rather than leaving a crumb */
+    double h = m->step >= left ? left : m->step > left / 2 ? left / 2 : m->step;
+    bool last = h >= left;
+    memcpy(x0, m->real, sizeof(double) * N_X);
+    memcpy(k1, der, sizeof(double) * N_X);
+    double error = rk_step(m, t, h, x0, k1);
+#if defined UNIT_EVENTS
+    double z[N_EVENT1];
+    if (error <= 1 && event_pending(m, z)) {
+      const double s = first_event(m, t, h, x0, k1);
+      if (s < 1) {
+        last = false;
+        h *= s;
+        memcpy(m->real, x0, sizeof(double) * N_X);
+        error = rk_step(m, t, h, x0, k1);
+      }
+    }
+#endif
+    if (!(error <= 1)) { /* too large, or not a number: back, and smaller */
+      memcpy(m->real, x0, sizeof(double) * N_X);
+      m->step = h * (error < 1e9 ? fmax(0.2, 0.9 / cbrt(error)) : 0.1);
+      if (m->step < shortest) {
+        evaluate(m, t);
+        return "the step size went to zero";
+      }
+      evaluate(m, t);
+      continue;
+    }
+    t = last ? t_end : t + h;
+    m->time = t;
+    const double next = h * fmin(5, 0.9 / cbrt(fmax(error, 1e-3)));
+    m->step = h < m->step ? fmax(m->step, next) : next; /* a step cut short says nothing against longer ones */
+#if defined UNIT_EVENTS
+    if (!events_here(m)) return "events follow each other without end";
+#endif
+  }
+  return "too many steps";
+}
+
+#endif

@@ -1,0 +1,77 @@
+/* One expansion of a unit's table: define the rows you want, include this, and every other row vanishes.
+ * All rows are undefined again afterwards, so a file may expand the table as often as it likes. No include guard. */
+#ifndef UNIT /* (name, title, description) */
+#define UNIT(...)
+#endif
+#ifndef PART /* (term, title, equation, source): physics that is always there */
+#define PART(...)
+#endif
+#ifndef TERM /* (term, title, equation, source, amplitude parameter, neutral value): physics that can be switched off */
+#define TERM(...)
+#endif
+#ifndef PARAMETER /* (term, name, unit, start, min, max, description) */
+#define PARAMETER(...)
+#endif
+#ifndef SHAPE /* (term, name, unit, start, min, max, scan from, scan to, lin|log, points, description) */
+#define SHAPE(...)
+#endif
+#ifndef CHOICE /* (term, name, start, "first|second|...", description): enumeration, counted from 1 */
+#define CHOICE(...)
+#endif
+#ifndef COUNT /* (term, name, start, min, max, description): integer parameter */
+#define COUNT(...)
+#endif
+#ifndef INPUT /* (name, unit, start, nominal, description) */
+#define INPUT(...)
+#endif
+#ifndef SWITCH /* (name, start, description): Boolean input */
+#define SWITCH(...)
+#endif
+#ifndef STATE /* (name, unit, nominal, output|local, description): error-controlled; its start value may be set */
+#define STATE(...)
+#endif
+#ifndef INTEGRAL /* (name, unit, nominal, description): an output that nothing depends on, carried along with the states */
+#define INTEGRAL(...)
+#endif
+#ifndef OUTPUT /* (name, unit, nominal, "inputs fed through", description) */
+#define OUTPUT(...)
+#endif
+#ifndef CODE /* (name, min, max, "inputs fed through", description): integer output */
+#define CODE(...)
+#endif
+#ifndef SIGNAL /* (name, "inputs fed through", description): Boolean output */
+#define SIGNAL(...)
+#endif
+#ifndef LOCAL /* (name, unit, nominal, description) */
+#define LOCAL(...)
+#endif
+#ifndef EVENT /* (name, description): an indicator that equations.c gives; the event is where it turns positive */
+#define EVENT(...)
+#endif
+#ifndef MEMORY /* (type, name, count): discrete memory of the unit, part of the FMU state */
+#define MEMORY(...)
+#endif
+#ifndef FLANGE /* (name, phi, w, tau, W, W_abs, gives|takes): a mechanical port */
+#define FLANGE(...)
+#endif
+
+#include MODEL_DEF
+
+#undef UNIT
+#undef PART
+#undef TERM
+#undef PARAMETER
+#undef SHAPE
+#undef CHOICE
+#undef COUNT
+#undef INPUT
+#undef SWITCH
+#undef STATE
+#undef INTEGRAL
+#undef OUTPUT
+#undef CODE
+#undef SIGNAL
+#undef LOCAL
+#undef EVENT
+#undef MEMORY
+#undef FLANGE

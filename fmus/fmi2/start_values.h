@@ -1,0 +1,86 @@
+/* Start values that travel with a repaired FMU: resources/start_values.txt, first "guid = {...}", then "name = value".
+ * Importers may ignore start attributes of the XML, so the unit reads them itself. */
+#ifndef COBOT_JOINT_START_VALUES_H
+#define COBOT_JOINT_START_VALUES_H
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "fmi2/table.h"
+
+typedef enum { START_NONE, START_APPLIED, START_BAD } StartFile;
+
+/* file URI (RFC 8089: file:///path, file:/path) or plain path -> path; %xx decoded */
+static inline void uri_to_path(char *out, size_t size, const char *uri, const char *file) {
+  if (strncmp(uri, "file:", 5) == 0) {
+    uri += 5;
+    if (strncmp(uri, "//", 2) == 0) {
+      uri += 2;
+      while (*uri && *uri != '/') uri++; /* host: empty or localhost */
+    }
+    if (uri[0] == '/' && uri[1] && uri[2] == ':') uri++; /* /C:/... */
+  }
+  size_t n = 0;
+  for (; *uri && n + strlen(file) + 3 < size; uri++) {
+    char hex[3] = {0};
+    if (*uri == '%' && uri[1] && uri[2]) {
+      memcpy(hex, uri + 1, 2);
+      out[n++] = (char)strtol(hex, NULL, 16);
+      uri += 2;
+    } else {
+      out[n++] = *uri;
+    }
+  }
+  if (n > 0 && out[n - 1] != '/') out[n++] = '/';
+  strcpy(out + n, file);
+}
+
+static inline bool set_start(Unit *m, const char *name, double value) {
+  char known[NAME_SIZE];
+  for (int i = 0; i < N_PUBLIC; i++) {
+    const RealInfo *r = &REAL_INFO[i];
+    if (strcmp(full_name(known, r->term, r->name), name) != 0) continue;
+    if (!(value >= r->min && value <= r->max) || r->kind == IS_OUTPUT || r->kind == IS_INTEGRAL || r->kind == IS_LOCAL) return false;
+    m->real[i] = value;
+    if (r->kind == IS_INPUT) m->u[i - FIRST_INPUT].c[0] = value;
+    return true;
+  }
+  for (int i = 1; i < N_INTEGER; i++) {
+    const DiscreteInfo *r = &INTEGER_INFO[i];
+    const int max = r->options ? option_count(r->options) : r->max;
+    if (strcmp(full_name(known, r->term, r->name), name) != 0) continue;
+    if (r->kind != IS_PARAMETER || !(value >= r->min && value <= max)) return false;
+    m->integer[i] = (int)value;
+    return true;
+  }
+  return false;
+}
+
+/* resources/ of one instance into its start values, if the file's guid is the one asked for */
+static inline StartFile read_start_values(Unit *m, const char *resources, const char *guid, char why[256]) {
+  char path[4096], line[256], name[NAME_SIZE], text[96];
+  if (!resources || strlen(resources) > 4000) return START_NONE;
+  uri_to_path(path, sizeof path, resources, "start_values.txt");
+  FILE *f = fopen(path, "r");
+  if (!f) return START_NONE;
+  StartFile result = START_BAD;
+  if (fgets(line, sizeof line, f) && sscanf(line, "guid = %95s", text) == 1 && strcmp(text, guid) == 0) {
+    result = START_APPLIED;
+    while (result == START_APPLIED && fgets(line, sizeof line, f)) {
+      char *end = text;
+      if (sscanf(line, " %95s", name) != 1 || name[0] == '#') continue;
+      const bool pair = sscanf(line, " %95s = %95s", name, text) == 2;
+      const double value = pair ? strtod(text, &end) : 0;
+      if (pair && end != text && set_start(m, name, value)) continue;
+      line[strcspn(line, "\r\n")] = 0;
+      snprintf(why, 256, "resources/start_values.txt: \"%.160s\" names no start value of a %s within its bounds", line, UNIT_NAME);
+      result = START_BAD;
+    }
+  } else {
+    snprintf(why, 256, "resources/start_values.txt is not for GUID %.80s", guid);
+  }
+  fclose(f);
+  return result;
+}
+
+#endif

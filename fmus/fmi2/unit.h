@@ -1,0 +1,151 @@
+/* A unit as its table (MODEL_DEF) says: the struct that holds everything it knows, and the references into it.
+ *
+ * Every variable is a named member, and the same memory is an array: value reference = index. Order of the reals:
+ * states, integrals, inputs, outputs, locals, parameters, and behind the public ones the derivatives.
+ * The struct is plain data, so that an FMU state is a copy of it. */
+#ifndef COBOT_JOINT_UNIT_H
+#define COBOT_JOINT_UNIT_H
+
+#include <math.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum { INPUT_ORDER = 3 }; /* highest derivative of an input that a step can follow */
+
+/* ---- how many of each -------------------------------------------------------------------------------------- */
+#define COUNT_ROW(...) +1
+enum {
+  N_STATE = 0
+#define STATE COUNT_ROW
+#include "fmi2/rows.h"
+};
+enum {
+  N_INTEGRAL = 0
+#define INTEGRAL COUNT_ROW
+#include "fmi2/rows.h"
+};
+enum {
+  N_INPUT = 0
+#define INPUT COUNT_ROW
+#include "fmi2/rows.h"
+};
+enum {
+  N_EVENT = 0
+#define EVENT COUNT_ROW
+#include "fmi2/rows.h"
+};
+enum { N_X = N_STATE + N_INTEGRAL, FIRST_INPUT = N_X };
+
+/* ---- value references ---------------------------------------------------------------------------------------- */
+enum RealReference {
+#define STATE(name, ...) VR_##name,
+#include "fmi2/rows.h"
+#define INTEGRAL(name, ...) VR_##name,
+#include "fmi2/rows.h"
+#define INPUT(name, ...) VR_##name,
+#include "fmi2/rows.h"
+#define OUTPUT(name, ...) VR_##name,
+#include "fmi2/rows.h"
+#define LOCAL(name, ...) VR_##name,
+#include "fmi2/rows.h"
+#define PARAMETER(term, name, ...) VR_##term##_##name,
+#define SHAPE(term, name, ...) VR_##term##_##name,
+#include "fmi2/rows.h"
+  N_PUBLIC,
+  FIRST_DER = N_PUBLIC,
+  N_REAL = N_PUBLIC + N_X
+};
+enum IntegerReference { /* 0 stays free: a unit may have none */
+  VR_NO_INTEGER,
+#define CHOICE(term, name, ...) VR_##term##_##name,
+#define COUNT(term, name, ...) VR_##term##_##name,
+#define CODE(name, ...) VR_##name,
+#include "fmi2/rows.h"
+  N_INTEGER
+};
+enum BooleanReference {
+  VR_NO_BOOLEAN,
+#define SWITCH(name, ...) VR_##name,
+#define SIGNAL(name, ...) VR_##name,
+#include "fmi2/rows.h"
+  N_BOOLEAN
+};
+enum EventNumber {
+  NO_EVENT = -1,
+#define EVENT(name, ...) EVENT_##name,
+#include "fmi2/rows.h"
+};
+
+/* ---- the unit -------------------------------------------------------------------------------------------------- */
+typedef struct Unit {
+  union {
+    double real[N_REAL];
+    struct {
+#define STATE(name, ...) double name;
+#include "fmi2/rows.h"
+#define INTEGRAL(name, ...) double name;
+#include "fmi2/rows.h"
+#define INPUT(name, ...) double name;
+#include "fmi2/rows.h"
+#define OUTPUT(name, ...) double name;
+#include "fmi2/rows.h"
+#define LOCAL(name, ...) double name;
+#include "fmi2/rows.h"
+#define PARAMETER(term, name, ...) double term##_##name;
+#define SHAPE(term, name, ...) double term##_##name;
+#include "fmi2/rows.h"
+#define STATE(name, ...) double der_##name;
+#include "fmi2/rows.h"
+#define INTEGRAL(name, ...) double der_##name;
+#include "fmi2/rows.h"
+    };
+  };
+  union {
+    int integer[N_INTEGER];
+    struct {
+      int no_integer;
+#define CHOICE(term, name, ...) int term##_##name;
+#define COUNT(term, name, ...) int term##_##name;
+#define CODE(name, ...) int name;
+#include "fmi2/rows.h"
+    };
+  };
+  union {
+    int boolean[N_BOOLEAN];
+    struct {
+      int no_boolean;
+#define SWITCH(name, ...) int name;
+#define SIGNAL(name, ...) int name;
+#include "fmi2/rows.h"
+    };
+  };
+  double time; /* s */
+  /* inputs over a step: value and derivatives at t0, per input */
+  struct {
+    double t0, c[INPUT_ORDER + 1];
+    int order, fresh; /* fresh: set since the last step */
+  } u[N_INPUT + 1];
+  double step;      /* s, what the integrator takes next */
+  double tolerance; /* local error per step, relative to each state's nominal value */
+  int stale;        /* derivatives and outputs no longer belong to states, inputs and parameters */
+  int restart;      /* parameters changed: unit_start has to run again */
+#define MEMORY(type, name, count) type name[count];
+#include "fmi2/rows.h"
+} Unit;
+
+/* ---- what equations.c gives ------------------------------------------------------------------------------------ */
+/* after the parameters changed: whatever follows from them alone */
+static void unit_start(Unit *m);
+/* derivatives and outputs from time, states, inputs and parameters; changes nothing else */
+static void unit_equations(Unit *m);
+/* with EVENT rows: z[k] turns positive where event k happens; then what the event changes.
+ * With #define UNIT_SAMPLED in equations.c: unit_sample(m), once at the end of each communication step. */
+
+#define PI 3.14159265358979323846
+/* smoothed sign, RIG.md */
+static inline double sgn(double w, double e) { return tanh(w / e); }
+static inline double square(double x) { return x * x; }
+static inline double clamp(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
+
+#endif

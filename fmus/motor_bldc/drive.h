@@ -1,0 +1,44 @@
+/* The drive: from set value and measurements to the voltage between the active terminals. */
+#include "fmi2/unit.h"
+
+/* continuous limit once the heat above it, integral of i^2 - i_cont^2, has used up t_peak at i_peak */
+static inline double current_limit(const Unit *m) {
+  const double budget = (square(m->drive_i_peak) - square(m->drive_i_cont)) * m->drive_t_peak;
+  return m->q_t < budget ? m->drive_i_peak : m->drive_i_cont;
+}
+
+/* 1 below the speed limit, falling to 0 within 2 % above it, for whatever accelerates */
+static inline double speed_limit(const Unit *m, double accelerating) {
+  if (m->drive_w_max == 0 || accelerating * m->w <= 0) return 1;
+  return clamp((1.02 * m->drive_w_max - fabs(m->w)) / (0.02 * m->drive_w_max), 0, 1);
+}
+
+static inline double drive(Unit *m, double i, double e, double R) {
+  const bool limited = m->drive_i_peak > 0;
+  const double v_max = m->drive_v_max > 0 ? m->drive_v_max : 1e9;
+  double v;
+  m->der_q_i = 0;
+  m->der_q_t = limited && (m->q_t > 0 || fabs(i) > m->drive_i_cont) ? square(i) - square(m->drive_i_cont) : 0;
+  if (!m->enable) { /* diodes against the supply until the current is gone, then open */
+    return e - m->inverter_v_bus * sgn(i, 0.05);
+  }
+  if (m->drive_mode == 1) {
+    v = m->drive_k_v * m->set_value + m->drive_ixr * R * i;
+    if (limited) { /* no more voltage above the back-EMF than drives the largest current through the winding */
+      const double span = R * current_limit(m);
+      v = clamp(v, e - span, e + span);
+    }
+    const double free = speed_limit(m, v - e);
+    if (free < 1) v = e + free * (v - e);
+    return clamp(v, -v_max, v_max);
+  }
+  double i_ref = m->drive_k_i * m->set_value;
+  if (m->bias_i_0 != 0) i_ref += m->bias_i_0 * (m->bias_from == 1 ? sgn(m->w, m->bias_w_0) : sgn(i_ref, m->bias_i_s));
+  i_ref *= speed_limit(m, i_ref);
+  if (limited) i_ref = clamp(i_ref, -current_limit(m), current_limit(m));
+  const double error = i_ref - i;
+  v = m->drive_w_c * (m->winding_L * error + m->winding_R * m->q_i);
+  const bool high = v > v_max, low = v < -v_max;
+  if (!(high && error > 0) && !(low && error < 0)) m->der_q_i = error; /* no wind-up */
+  return clamp(v, -v_max, v_max);
+}

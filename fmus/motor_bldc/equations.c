@@ -1,0 +1,151 @@
+/* BLDC motor with inverter and drive; the table beside this file has every equation's source. */
+#define UNIT_EVENTS
+#define UNIT_SAMPLED
+#include "fmi2/unit.h"
+#include "friction/friction.h"
+#include "motor_bldc/drive.h"
+#include "motor_bldc/three_phase.h"
+
+enum { AVERAGED = 1, SIMSCAPE, COMPREHENSIVE };
+static const int HALL[6] = {1, 3, 2, 6, 4, 5}; /* H1 + 2*H2 + 4*H3 per sector, Table 2.2 */
+
+static void unit_start(Unit *m) {
+  if (m->sector[0] == 0 && m->diode[0] == OPEN && m->W_abs == 0) m->sector[0] = sector_of(m->phi);
+}
+
+static double sum_of_magnitudes(const double i[3]) { return (fabs(i[0]) + fabs(i[1]) + fabs(i[2])) / 2; }
+
+static void unit_equations(Unit *m) {
+  const bool averaged = m->motor_level == AVERAGED;
+  const double k = m->winding_k;
+
+  /* winding: R(T_w), eq. 3.1 */
+  const double T_w = m->winding_heating_T_a + m->rise;
+  const double R = m->winding_R * (1 + m->winding_heating_alpha * (T_w - 298.15));
+
+  const int n = averaged ? 0 : modulo6(m->sector[0]);
+  const double i3[3] = {m->x_ia, m->x_ib, -m->x_ia - m->x_ib};
+  const double i = averaged ? m->x_i : sum_of_magnitudes(i3) * (i3[HIGH[n]] - i3[LOW[n]] >= 0 ? 1 : -1);
+  const double e = k * m->w;
+
+  /* drive and inverter */
+  double v = drive(m, i, e, m->winding_R);
+  if (m->supply_sag_R_s != 0) v -= m->supply_sag_R_s * i * square(v / m->inverter_v_bus);
+  if (m->dead_time_V != 0) v -= m->dead_time_V * sgn(i, m->dead_time_i_0);
+  v += m->v_add;
+
+  /* L di/dt = v - R i - k w, eq. 2.5; or three phases, eq. 2.9 to 2.16 */
+  double tau_e;
+  if (averaged) {
+    m->der_x_i = (v - R * i - e) / m->winding_L;
+    m->der_x_ia = m->der_x_ib = 0;
+    tau_e = k * i;
+  } else {
+    const Phases p = three_phases(m, v, R, i3);
+    m->der_x_ia = p.der[0];
+    m->der_x_ib = p.der[1];
+    m->der_x_i = 0;
+    tau_e = 0;
+    for (int x = 0; x < 3; x++) tau_e += k / 2 * trapezoid(m->phi - x * 2 * PI / 3) * i3[x];
+    m->e_a = p.e[0];
+    m->e_b = p.e[1];
+    m->e_c = p.e[2];
+  }
+  if (m->torque_saturation_s != 0) tau_e *= 1 - m->torque_saturation_s * square(i);
+  if (m->torque_ripple_A != 0) tau_e *= 1 + m->torque_ripple_A * sin(m->torque_ripple_n * m->phi + m->torque_ripple_phi_0);
+
+  /* (J + J_coupled) dw/dt = tau_e - tau_f - tau, eq. 2.2 */
+  double tau_f = friction(m, m->w);
+  if (m->motor_level == COMPREHENSIVE)
+    tau_f += m->friction_d * m->w * m->viscous_dynamic_D * exp(-fabs(m->w) / m->viscous_dynamic_w_D);
+  if (m->cogging_A != 0) tau_f += m->cogging_A * sin(m->cogging_n * m->phi + m->cogging_phi_0);
+  m->der_w = (tau_e - tau_f - m->tau + m->tau_add) / (m->rotor_J + m->J_coupled);
+  m->der_phi = m->w;
+  m->der_rise = (m->winding_heating_R_th * R * square(i) - m->rise) / m->winding_heating_T;
+  m->der_W = m->tau * m->w;
+  m->der_W_abs = fabs(m->der_W);
+
+  m->i = m->i_reading = i;
+  m->tau_e = tau_e;
+  m->v = v;
+  m->T_w = T_w;
+  if (!averaged) {
+    m->i_a = i3[0];
+    m->i_b = i3[1];
+    m->i_c = i3[2];
+  }
+}
+
+/* what only an observer needs: phase quantities of the DC equivalent, Hall code, encoder */
+static void unit_sample(Unit *m) {
+  const int n = m->motor_level == AVERAGED ? modulo6(sector_of(m->phi)) : modulo6(m->sector[0]);
+  if (m->motor_level == AVERAGED) {
+    double i3[3] = {0};
+    i3[HIGH[n]] = m->x_i;
+    i3[LOW[n]] = -m->x_i;
+    m->i_a = i3[0];
+    m->i_b = i3[1];
+    m->i_c = i3[2];
+    const double E = m->winding_k / 2 * m->w;
+    m->e_a = E * trapezoid(m->phi);
+    m->e_b = E * trapezoid(m->phi - 2 * PI / 3);
+    m->e_c = E * trapezoid(m->phi - 4 * PI / 3);
+  }
+  m->hall = HALL[n];
+  m->H1 = m->hall & 1;
+  m->H2 = m->hall >> 1 & 1;
+  m->H3 = m->hall >> 2 & 1;
+
+  const double lines = m->encoder_lines, count = floor(4 * lines * m->phi / (2 * PI)), turn = 4 * lines;
+  m->encoder_count = (int)fmod(count, 2147483648.0);
+  m->encoder_index = count - turn * floor(count / turn) == 0;
+  const double dt = m->time - m->counted[1];
+  if (dt > 0) {
+    const double fastest = 2 * PI * m->encoder_f_max / lines;
+    const double w = clamp((count - m->counted[0]) * 2 * PI / turn / dt, -fastest, fastest);
+    m->w_reading += (1 - exp(-dt / m->drive_T_w)) * (w - m->w_reading);
+  }
+  m->counted[0] = count;
+  m->counted[1] = m->time;
+}
+
+static void unit_indicators(const Unit *m, double z[N_EVENT]) {
+  for (int k = 0; k < N_EVENT; k++) z[k] = -1;
+  if (m->motor_level == AVERAGED) return;
+  z[EVENT_forward] = m->phi - sector_start(m->sector[0] + 1);
+  z[EVENT_backward] = sector_start(m->sector[0]) - m->phi;
+  if (!m->enable) return;
+  const double i3[3] = {m->x_ia, m->x_ib, -m->x_ia - m->x_ib};
+  const int f = FLOATING[modulo6(m->sector[0])];
+  if (m->diode[0] == OPEN) {
+    const double edge = m->inverter_v_bus / 2;
+    const double v_f = three_phases(m, m->v, m->winding_R, i3).v_floating;
+    z[EVENT_diode_high] = v_f - edge;
+    z[EVENT_diode_low] = -edge - v_f;
+  } else {
+    z[EVENT_freewheel_end] = m->diode[0] == TO_GROUND ? -i3[f] : i3[f];
+  }
+}
+
+static void set_floating_current_to_zero(Unit *m, int f) {
+  const double half = (f == 0 ? m->x_ia : f == 1 ? m->x_ib : -m->x_ia - m->x_ib) / 2;
+  m->x_ia = f == 0 ? 0 : m->x_ia + half;
+  m->x_ib = f == 1 ? 0 : f == 2 ? -m->x_ia : m->x_ib + half;
+}
+
+static void unit_event(Unit *m, int event) {
+  if (event == EVENT_freewheel_end) {
+    m->diode[0] = OPEN;
+    set_floating_current_to_zero(m, FLOATING[modulo6(m->sector[0])]);
+  } else if (event == EVENT_diode_high) {
+    m->diode[0] = TO_SUPPLY;
+  } else if (event == EVENT_diode_low) {
+    m->diode[0] = TO_GROUND;
+  } else { /* commutation: the phase that opens keeps its current on a diode */
+    m->sector[0] += event == EVENT_forward ? 1 : -1;
+    const double i3[3] = {m->x_ia, m->x_ib, -m->x_ia - m->x_ib};
+    const int f = FLOATING[modulo6(m->sector[0])];
+    m->diode[0] = fabs(i3[f]) < 1e-12 ? OPEN : i3[f] > 0 ? TO_GROUND : TO_SUPPLY;
+    if (m->diode[0] == OPEN) set_floating_current_to_zero(m, f);
+  }
+}

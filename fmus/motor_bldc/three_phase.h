@@ -1,0 +1,51 @@
+/* Three phases in star, six-step commutation, floating third phase. Voltages against the middle of the supply. */
+#include "fmi2/unit.h"
+
+/* trapezoid, eq. 2.17: flat over 120 degrees, +1 from 30 to 150 degrees */
+static inline double trapezoid(double theta) {
+  const double x = theta - 2 * PI * floor(theta / (2 * PI)); /* 0 to 2 pi */
+  const double s = x < PI ? x : x - PI, y = clamp(6 / PI * (s < PI / 2 ? s : PI - s), 0, 1);
+  return x < PI ? y : -y;
+}
+
+/* sector n covers theta_e from 30 + 60 n to 90 + 60 n degrees: which phase is high, low, floating (Table 2.2) */
+static const int HIGH[6] = {0, 0, 1, 1, 2, 2}, LOW[6] = {1, 2, 2, 0, 0, 1}, FLOATING[6] = {2, 1, 0, 2, 1, 0};
+enum { OPEN = 0, TO_SUPPLY = 1, TO_GROUND = -1 };
+
+static inline double sector_start(int n) { return PI / 6 + n * PI / 3; }
+static inline int sector_of(double phi) { return (int)floor((phi - PI / 6) / (PI / 3)); }
+static inline int modulo6(int n) { return ((n % 6) + 6) % 6; }
+
+typedef struct {
+  double e[3], der[3], v_floating;
+} Phases;
+
+static inline Phases three_phases(const Unit *m, double v, double R, const double i[3]) {
+  Phases p;
+  const double R_ph = R / 2, L_ph = m->winding_L / 2, v_bus = m->inverter_v_bus;
+  const int n = modulo6(m->sector[0]), h = HIGH[n], l = LOW[n], f = FLOATING[n];
+  for (int x = 0; x < 3; x++) p.e[x] = m->winding_k / 2 * m->w * trapezoid(m->phi - x * 2 * PI / 3);
+  double u[3];
+  u[h] = v / 2;
+  u[l] = -v / 2;
+  if (!m->enable) { /* all six switches open: each phase on the diode its current needs */
+    for (int x = 0; x < 3; x++) u[x] = -v_bus / 2 * sgn(i[x], 0.05) + p.e[x] * (1 - square(sgn(i[x], 0.05)));
+    const double star = (u[0] + u[1] + u[2] - p.e[0] - p.e[1] - p.e[2]) / 3;
+    for (int x = 0; x < 3; x++) p.der[x] = (u[x] - star - p.e[x] - R_ph * i[x]) / L_ph;
+    p.v_floating = 0;
+    return p;
+  }
+  if (m->diode[0] == OPEN) {
+    const double star = -(p.e[h] + p.e[l]) / 2;
+    p.v_floating = star + p.e[f];
+    p.der[h] = (u[h] - star - p.e[h] - R_ph * i[h]) / L_ph;
+    p.der[l] = -p.der[h];
+    p.der[f] = 0;
+  } else {
+    u[f] = m->diode[0] * v_bus / 2;
+    const double star = (u[f] - p.e[0] - p.e[1] - p.e[2]) / 3;
+    p.v_floating = u[f];
+    for (int x = 0; x < 3; x++) p.der[x] = (u[x] - star - p.e[x] - R_ph * i[x]) / L_ph;
+  }
+  return p;
+}

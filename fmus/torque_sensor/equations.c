@@ -1,0 +1,39 @@
+/* Torque sensor with amplifier; the table beside this file has every equation's source. */
+#include "fmi2/unit.h"
+
+static void unit_start(Unit *m) {
+  if (m->time == 0 && m->low_pass_T > 0) m->y_f = 0;
+}
+
+static void unit_equations(Unit *m) {
+  /* couplings in series with the shaft */
+  const double c = 1 / (1 / m->shaft_c_s + m->shaft_s_o + m->shaft_s_p);
+  const double tau_s = c * (m->phi_o - m->phi_p) + m->shaft_d_s * (m->w_o - m->w_p);
+  m->tau_s = tau_s;
+
+  /* from here on the reading, not the shaft */
+  double reading = tau_s;
+  m->der_y_f = m->der_z_H = m->der_tau_f = 0;
+  if (m->low_pass_T > 0) {
+    m->der_y_f = (tau_s - m->y_f) / m->low_pass_T;
+    reading = m->y_f + m->low_pass_T_s / (2 * m->low_pass_T) * (tau_s - m->y_f);
+  }
+  if (m->hysteresis_H != 0) { /* dtau_s/dt from a follower of 1 ms, since the torque has no derivative at hand */
+    m->der_tau_f = (tau_s - m->tau_f) / 1e-3;
+    m->der_z_H = (m->der_tau_f - fabs(m->der_tau_f) * m->z_H) / m->hysteresis_tau_H;
+    reading += m->hysteresis_H * m->z_H;
+  }
+  if (m->misalignment_ripple_A != 0)
+    reading += m->misalignment_ripple_A * sin(m->misalignment_ripple_n * m->phi_p + m->misalignment_ripple_phi_0);
+  reading = (1 + m->gain_g) * reading + m->offset_tau_0;
+  m->tau_reading = (reading - m->calibration_b) / m->calibration_a + m->y_add;
+
+  const double v_max = m->amplifier_v_max;
+  m->y = clamp(m->tau_reading * m->amplifier_v_rated / m->amplifier_tau_rated, -v_max, v_max);
+  m->overload = fabs(tau_s) > m->amplifier_overload * m->amplifier_tau_rated;
+
+  m->der_W_in = tau_s * m->w_o;
+  m->der_W_in_abs = fabs(m->der_W_in);
+  m->der_W_out = tau_s * m->w_p;
+  m->der_W_out_abs = fabs(m->der_W_out);
+}

@@ -51,10 +51,7 @@ function(add_fmu name)
   endif()
   set_property(SOURCE ${CMAKE_SOURCE_DIR}/fmus/fmi2/describe.c APPEND PROPERTY OBJECT_DEPENDS "${physics};${FMI2_GLUE};${FRICTION}")
 
-  set(icon)
-  if(EXISTS ${source}/model.png)
-    set(icon ${source}/model.png)
-  endif()
+  set(icon ${source}/model.png)
   add_custom_command(
     OUTPUT ${FMU_OUTPUT_DIR}/${name}.fmu
     COMMAND describe_${name} xml ${PROJECT_VERSION} > ${tree}/fmu/modelDescription.xml
@@ -63,10 +60,10 @@ function(add_fmu name)
     COMMAND ${CMAKE_COMMAND} -E copy_if_different ${FRICTION} ${tree}/fmu/sources/friction
     COMMAND ${CMAKE_COMMAND} -E copy_if_different ${physics} ${tree}/fmu/sources/${name}
     COMMAND ${CMAKE_COMMAND} -E copy_if_different ${CMAKE_SOURCE_DIR}/LICENSE ${tree}/fmu/documentation
-    COMMAND ${CMAKE_COMMAND} -E $<IF:$<BOOL:${icon}>,copy_if_different,true> ${icon} "$<$<BOOL:${icon}>:${tree}/fmu>" "$<$<BOOL:${icon}>:${tree}/fmu/documentation>"
+    COMMAND ${CMAKE_COMMAND} -E copy_if_different ${icon} ${tree}/fmu
     COMMAND ${CMAKE_COMMAND} -E rm -f ${FMU_OUTPUT_DIR}/${name}.fmu
     COMMAND ${CMAKE_COMMAND} -E chdir ${tree}/fmu ${CMAKE_COMMAND} -E tar cf ${FMU_OUTPUT_DIR}/${name}.fmu --format=zip
-            modelDescription.xml documentation sources resources binaries $<$<BOOL:${icon}>:model.png>
+            modelDescription.xml documentation sources resources binaries model.png
     DEPENDS ${name} describe_${name} ${physics} ${FMI2_GLUE} ${FRICTION} ${icon}
     COMMAND_EXPAND_LISTS VERBATIM
     COMMENT "${name}.fmu")

@@ -1,0 +1,98 @@
+/* Co-simulation master over FMI 2.0 function pointers: the data that Python fills in (native.py mirrors it) and the calls it makes.
+ *
+ * A signal is a number that changes in time: first the outputs of all units, unit by unit, then the system's own inputs.
+ * During a communication step [t, t+h] every real signal is a polynomial of the time since t, at most cubic.
+ */
+#ifndef COSIM_H
+#define COSIM_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "fmi2FunctionTypes.h"
+
+#if defined _WIN32
+#define COSIM_API __declspec(dllexport)
+#else
+#define COSIM_API __attribute__((visibility("default")))
+#endif
+
+typedef struct { /* value = factor*signal + offset */
+  int32_t signal;
+  double factor, offset;
+} Wire;
+
+typedef struct { /* variables of one type of one unit */
+  size_t n;
+  const fmi2ValueReference *refs;
+} Variables;
+
+typedef struct {
+  const char *name;
+  fmi2Component component;
+  fmi2SetRealTYPE *set_real;
+  fmi2SetIntegerTYPE *set_integer;
+  fmi2SetBooleanTYPE *set_boolean;
+  fmi2GetRealTYPE *get_real;
+  fmi2GetIntegerTYPE *get_integer;
+  fmi2GetBooleanTYPE *get_boolean;
+  fmi2SetRealInputDerivativesTYPE *set_real_input_derivatives;
+  fmi2GetRealOutputDerivativesTYPE *get_real_output_derivatives;
+  fmi2DoStepTYPE *do_step;
+  fmi2GetFMUstateTYPE *get_state;
+  fmi2SetFMUstateTYPE *set_state;
+  fmi2FreeFMUstateTYPE *free_state;
+  Variables real_inputs, integer_inputs, boolean_inputs;
+  const Wire *wires;                                        /* of the inputs, in that order */
+  Variables real_outputs, integer_outputs, boolean_outputs; /* that drive inputs: fetched in every step */
+  Variables real_watched, integer_watched, boolean_watched; /* that are only recorded: fetched where recorded */
+  int32_t first_signal;                                     /* outputs are numbered in that order */
+  int32_t input_order; /* 3: follows cubics, 1: follows lines, 0: sees constants over a step */
+  int32_t holds_end;   /* where input_order is 0: the constant is the value at the step's end, else at its middle */
+  int32_t output_derivatives;
+} Unit;
+
+typedef struct { /* schemes.py says what the fields mean */
+  int32_t sequential, extrapolation, interpolation, sweeps, adaptive;
+  double tolerance;
+} Scheme;
+
+typedef struct {
+  size_t n_units;
+  const Unit *units;
+  size_t n_outputs, n_inputs; /* signals of the units, signals of the system's inputs */
+  const double *nominal;      /* of every unit signal: scales the coupling error */
+  const int32_t *feedback;    /* of every unit signal: 1 where a unit reads it before it is known */
+  size_t n_samples;
+  const double *sample_time; /* [n_samples], rising; inputs are linear between samples and held outside */
+  const double *samples;     /* [n_inputs][n_samples] */
+  size_t n_recorded;
+  const Wire *recorded;
+  double start_time, step;
+  int64_t ticks_per_record; /* a row is recorded at every multiple */
+  int64_t max_stride;       /* longest step in ticks: a power of two; 1 unless the scheme is adaptive */
+  Scheme scheme;
+} Plan;
+
+typedef struct {
+  int64_t steps, rejected, sweeps, warnings;
+} Counters;
+
+typedef struct Master Master;
+
+/* The plan's arrays stay the caller's and have to outlive the master. NULL: out of memory. */
+COSIM_API Master *cosim_create(const Plan *plan);
+COSIM_API void cosim_destroy(Master *m);
+
+/* From the units' present state at tick 0, or, after values were set from outside, at the present tick: forgets the signals' past. */
+COSIM_API int cosim_begin(Master *m, int64_t tick);
+/* Advances to `tick`; writes a row of n_recorded for every recorded tick after the present one. */
+COSIM_API int cosim_advance(Master *m, int64_t tick, double *rows);
+/* Writes the row of the present tick. */
+COSIM_API int cosim_record(Master *m, double *row);
+
+COSIM_API const char *cosim_message(const Master *m);
+COSIM_API void cosim_counters(const Master *m, Counters *counters);
+
+#endif

@@ -1,0 +1,172 @@
+"""The units of a system as FMI instances: loaded once, reset, parametrised and initialised before every run."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections import deque
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+from fmpy import calloc, free
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import (
+    FMU2Slave,
+    fmi2CallbackAllocateMemoryTYPE,
+    fmi2CallbackFreeMemoryTYPE,
+    fmi2CallbackFunctions,
+    fmi2CallbackLoggerTYPE,
+)
+from fmpy.logging import addLoggerProxy
+
+from orchestrator.errors import UserError, among
+from orchestrator.system.model import Component, System, Value
+
+
+class SimulationError(RuntimeError):
+    """A run failed: which unit, which call, at what time, and what the unit logged last."""
+
+
+class Instance:
+    """One component's FMU, loaded and instantiated."""
+
+    def __init__(self, component: Component) -> None:
+        """SimulationError: the FMU cannot be loaded here or does not instantiate."""
+        self.component = component
+        self.name = component.name
+        self.description = component.unit.description
+        self.variables = component.unit.variables
+        self.log: deque[str] = deque(maxlen=3)
+        capabilities = self.description.coSimulation
+        try:
+            self.fmu = FMU2Slave(
+                guid=self.description.guid,
+                modelIdentifier=capabilities.modelIdentifier,
+                unzipDirectory=str(component.unit.directory),
+                instanceName=component.name,
+                requireFunctions=False,
+            )
+            self._callbacks = self._make_callbacks()
+            self.fmu.instantiate(callbacks=self._callbacks)
+        except Exception as error:  # FMPy raises bare Exceptions when a library does not load
+            raise SimulationError(f"{self.name} ({component.source}): {error}{self.last_words()}") from error
+        self.fresh = True
+
+    def _make_callbacks(self) -> fmi2CallbackFunctions:
+        def logger(_environment: int, _name: bytes, status: int, _category: bytes, message: bytes) -> None:
+            if status > 0:
+                self.log.append(message.decode("utf-8", "replace").strip())
+
+        callbacks = fmi2CallbackFunctions()
+        callbacks.logger = fmi2CallbackLoggerTYPE(logger)
+        callbacks.allocateMemory = fmi2CallbackAllocateMemoryTYPE(calloc)
+        callbacks.freeMemory = fmi2CallbackFreeMemoryTYPE(free)
+        addLoggerProxy(ctypes.byref(callbacks))
+        return callbacks
+
+    @property
+    def interpolates(self) -> bool:
+        return bool(self.description.coSimulation.canInterpolateInputs)
+
+    @property
+    def gives_slopes(self) -> bool:
+        return int(self.description.coSimulation.maxOutputDerivativeOrder or 0) >= 1
+
+    @property
+    def rolls_back(self) -> bool:
+        return bool(self.description.coSimulation.canGetAndSetFMUstate)
+
+    def last_words(self) -> str:
+        """What the unit logged last, to end an error message with."""
+        return f": {self.log[-1]}" if self.log else ""
+
+    @contextmanager
+    def explained(self, what: str) -> Iterator[None]:
+        """Failing FMI calls inside name the unit and say what was being done."""
+        try:
+            yield
+        except FMICallException as error:
+            status = ("ok", "warning", "discard", "error", "fatal", "pending")[error.status]
+            raise SimulationError(
+                f"{self.name}: {error.function} returned {status} {what}{self.last_words()}"
+            ) from error
+
+    def address(self, function: str) -> int | None:
+        """Of a function in the FMU's library; None where it has none of that name."""
+        pointer = getattr(self.fmu.dll, function, None)
+        return None if pointer is None else ctypes.cast(pointer, ctypes.c_void_p).value
+
+    def reset(self) -> None:
+        """Back to the state after instantiation; a unit that cannot is instantiated anew."""
+        self.log.clear()
+        if self.fresh:
+            return
+        try:
+            self.fmu.reset()
+        except FMICallException:
+            self.fmu.fmi2FreeInstance(self.fmu.component)
+            self.fmu.instantiate(callbacks=self._callbacks)
+        self.fresh = True
+
+    def close(self) -> None:
+        if self.fmu.component is not None:
+            self.fmu.fmi2FreeInstance(self.fmu.component)
+            self.fmu.component = None
+            self.fmu.freeLibrary()
+
+    def set(self, name: str, value: Value) -> None:
+        """Any variable by name; the FMU judges whether the moment allows it."""
+        variable = self.variables[name]
+        vr = [variable.valueReference]
+        if variable.type == "Real":
+            self.fmu.setReal(vr, [float(value)])
+        elif variable.type in ("Integer", "Enumeration"):
+            self.fmu.setInteger(vr, [int(value)])
+        elif variable.type == "Boolean":
+            self.fmu.setBoolean(vr, [bool(value)])
+        else:
+            self.fmu.setString(vr, [str(value)])
+
+    def get(self, name: str) -> float:
+        """A Real, Integer or Boolean variable."""
+        variable = self.variables[name]
+        vr = [variable.valueReference]
+        if variable.type == "Real":
+            return float(self.fmu.getReal(vr)[0])
+        if variable.type == "Boolean":
+            return float(self.fmu.getBoolean(vr)[0])
+        return float(self.fmu.getInteger(vr)[0])
+
+
+def check_parameters(
+    system: System, parameters: Mapping[str, Value], during: bool = False
+) -> dict[str, dict[str, Value]]:
+    """`component.variable` -> value, sorted by component. `during`: to be set while time runs.
+
+    UserError: no such component or parameter, a value outside its bounds, or one that cannot change while time runs.
+    """
+    sorted_by_component: dict[str, dict[str, Value]] = {}
+    for name, value in parameters.items():
+        owner, _, variable_name = name.partition(".")
+        component = next((c for c in system.components if c.name == owner), None)
+        if component is None or not variable_name:
+            components = among(f"{c.name}.*" for c in system.components)
+            raise UserError(f"parameter {name!r} is given, {system.name} has {components}")
+        settable = {n: v for n, v in component.unit.variables.items() if v.causality in ("parameter", "input")}
+        if variable_name not in settable:
+            raise UserError(f"parameter {name!r} is given, {owner} has {among(settable, 200)}")
+        variable = settable[variable_name]
+        if during and variable.causality == "parameter" and variable.variability != "tunable":
+            raise UserError(f"parameter {name!r} is {variable.variability}: it can only be set before a run")
+        lower, upper = component.unit.bounds_of(variable_name)
+        if variable.type != "String":
+            _check_bounds(name, float(value), lower, upper)
+        sorted_by_component.setdefault(owner, {})[variable_name] = value
+    return sorted_by_component
+
+
+def _check_bounds(name: str, value: float, lower: float | None, upper: float | None) -> None:
+    if math.isfinite(value) and (lower is None or value >= lower) and (upper is None or value <= upper):
+        return
+    allowed = f"{'-inf' if lower is None else f'{lower:g}'} to {'inf' if upper is None else f'{upper:g}'}"
+    raise UserError(f"parameter {name!r}: {value:g} is given, {allowed} is allowed")

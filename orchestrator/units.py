@@ -153,8 +153,8 @@ def _load(path: Path, directory: Path) -> Unit:
     flanges: tuple[Flange, ...] = ()
     if annotations is not None:
         where = f"{path}: VendorAnnotations"
-        terms = tuple(_term(element, where) for element in annotations.iterfind("Term"))
-        flanges = tuple(_flange(element, where) for element in annotations.iterfind("Flange"))
+        terms = tuple(_term(element, where) for element in annotations.iterfind(".//Term"))
+        flanges = tuple(_flange(element, where) for element in annotations.iterfind(".//Flange"))
     unit = Unit(path, directory, description, terms, flanges)
     _check_annotations(unit)
     return unit

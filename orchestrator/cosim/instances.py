@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import math
 from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -19,8 +18,9 @@ from fmpy.fmi2 import (
 )
 from fmpy.logging import addLoggerProxy
 
-from orchestrator.errors import UserError, among
+from orchestrator.errors import UserError
 from orchestrator.system.model import Component, System, Value
+from orchestrator.system.parameters import checked, split
 
 
 class SimulationError(RuntimeError):
@@ -50,7 +50,7 @@ class Instance:
             self.fmu.instantiate(callbacks=self._callbacks)
         except Exception as error:  # FMPy raises bare Exceptions when a library does not load
             raise SimulationError(f"{self.name} ({component.source}): {error}{self.last_words()}") from error
-        self.fresh = True
+        self._fresh = True
 
     def _make_callbacks(self) -> fmi2CallbackFunctions:
         def logger(_environment: int, _name: bytes, status: int, _category: bytes, message: bytes) -> None:
@@ -97,16 +97,16 @@ class Instance:
         return None if pointer is None else ctypes.cast(pointer, ctypes.c_void_p).value
 
     def reset(self) -> None:
-        """Back to the state after instantiation; a unit that cannot is instantiated anew."""
+        """To the state after instantiation; a unit that cannot is instantiated anew."""
         self.log.clear()
-        if self.fresh:
+        if self._fresh:
+            self._fresh = False
             return
         try:
             self.fmu.reset()
         except FMICallException:
             self.fmu.fmi2FreeInstance(self.fmu.component)
             self.fmu.instantiate(callbacks=self._callbacks)
-        self.fresh = True
 
     def close(self) -> None:
         if self.fmu.component is not None:
@@ -141,32 +141,16 @@ class Instance:
 def check_parameters(
     system: System, parameters: Mapping[str, Value], during: bool = False
 ) -> dict[str, dict[str, Value]]:
-    """`component.variable` -> value, sorted by component. `during`: to be set while time runs.
+    """`component.variable` -> value, checked, by component. `during`: to be set while time runs.
 
     UserError: no such component or parameter, a value outside its bounds, or one that cannot change while time runs.
     """
-    sorted_by_component: dict[str, dict[str, Value]] = {}
+    by_component: dict[str, dict[str, Value]] = {}
     for name, value in parameters.items():
-        owner, _, variable_name = name.partition(".")
-        component = next((c for c in system.components if c.name == owner), None)
-        if component is None or not variable_name:
-            components = among(f"{c.name}.*" for c in system.components)
-            raise UserError(f"parameter {name!r} is given, {system.name} has {components}")
-        settable = {n: v for n, v in component.unit.variables.items() if v.causality in ("parameter", "input")}
-        if variable_name not in settable:
-            raise UserError(f"parameter {name!r} is given, {owner} has {among(settable, 200)}")
-        variable = settable[variable_name]
+        component, variable_name = split(system, name, "parameters")
+        value = checked(component.unit, variable_name, value, f"parameters: {name}")
+        variable = component.unit.variables[variable_name]
         if during and variable.causality == "parameter" and variable.variability != "tunable":
-            raise UserError(f"parameter {name!r} is {variable.variability}: it can only be set before a run")
-        lower, upper = component.unit.bounds_of(variable_name)
-        if variable.type != "String":
-            _check_bounds(name, float(value), lower, upper)
-        sorted_by_component.setdefault(owner, {})[variable_name] = value
-    return sorted_by_component
-
-
-def _check_bounds(name: str, value: float, lower: float | None, upper: float | None) -> None:
-    if math.isfinite(value) and (lower is None or value >= lower) and (upper is None or value <= upper):
-        return
-    allowed = f"{'-inf' if lower is None else f'{lower:g}'} to {'inf' if upper is None else f'{upper:g}'}"
-    raise UserError(f"parameter {name!r}: {value:g} is given, {allowed} is allowed")
+            raise UserError(f"parameters: {name} is {variable.variability}: it can only be set before a run")
+        by_component.setdefault(component.name, {})[variable_name] = value
+    return by_component

@@ -18,6 +18,7 @@ from orchestrator.cosim.instances import Instance, check_parameters
 from orchestrator.cosim.plan import make_plan
 from orchestrator.cosim.schemes import DEFAULT, Scheme, scheme_of
 from orchestrator.errors import UserError
+from orchestrator.system.initial import initial_order
 from orchestrator.system.model import Inputs, Result, System, Value
 
 Progress = Callable[[float, float], None]  # (simulated time, stop time), s
@@ -80,12 +81,13 @@ class Simulation:
         self.system = system
         self.engine = engine
         self.counters: dict[str, int] = {}
-        self._instances: list[Instance] = []
+        self._instances: dict[str, Instance] = {}
+        self._order = initial_order(system)
         self._tables: dict[object, native.Tables] = {}
         self._flanges = mechanical_connections(system)
         try:
             for component in system.components:
-                self._instances.append(Instance(component))
+                self._instances[component.name] = Instance(component)
         except BaseException:
             self.close()
             raise
@@ -100,7 +102,7 @@ class Simulation:
 
     def close(self) -> None:
         """Free the instances."""
-        for instance in self._instances:
+        for instance in self._instances.values():
             instance.close()
         self._instances.clear()
 
@@ -173,7 +175,7 @@ class Simulation:
 
     def energy(self) -> dict[str, tuple[float, float, float]]:
         """Mechanical connection -> (work given, work taken, integral of |power given|) since the run's start, J."""
-        return works(self._flanges, {instance.name: instance for instance in self._instances})
+        return works(self._flanges, self._instances)
 
     def _prepare(
         self,
@@ -187,12 +189,14 @@ class Simulation:
         wanted = tuple(self.system.outputs if record is None else record)
         key = (scheme, tuple(inputs.values), wanted)
         if key not in self._tables:
-            self._tables[key] = native.Tables(make_plan(self.system, self._instances, scheme, key[1], wanted))
+            self._tables[key] = native.Tables(
+                make_plan(self.system, list(self._instances.values()), scheme, key[1], wanted)
+            )
         tables = self._tables[key]
         samples = np.array(list(inputs.values.values()), dtype=np.float64).reshape(len(inputs.values), len(inputs.time))
         at_start = {name: float(np.interp(clock.start, inputs.time, row)) for name, row in inputs.values.items()}
         checked = check_parameters(self.system, parameters)
-        initialise(self.system, self._instances, checked, at_start, clock.start, stop_time)
+        initialise(self._order, self._instances, checked, at_start, clock.start, stop_time)
         common = (scheme, inputs.time, samples, clock.start, clock.step, clock.per_row, clock.stride)
         if self.engine == "native":
             return native.Master(tables, *common), tables.plan.names
@@ -238,7 +242,7 @@ class Simulation:
         while events and events[0][0] <= tick:
             due = True
             _, changes = events.pop(0)
-            for instance in self._instances:
+            for instance in self._instances.values():
                 with instance.explained(f"on {changes.get(instance.name)} while time runs"):
                     for name, value in changes.get(instance.name, {}).items():
                         instance.set(name, value)

@@ -1,0 +1,79 @@
+/* Belt and MR brake; the table beside this file has every equation's source. */
+#define UNIT_EVENTS
+#include "fmi2/unit.h"
+
+/* external torque: whether it acts at the present time */
+static inline bool touched_now(const Unit *m) {
+  const double since = m->time - m->external_torque_t_0;
+  return since >= 0 && since < m->external_torque_T_d;
+}
+
+static void unit_start(Unit *m) { m->touched[0] = touched_now(m); }
+
+/* f(i): linear up to tau_lin, saturating at tau_max */
+static inline double brake_curve(const Unit *m, double i) {
+  const double linear = m->brake_k_b * fabs(i), h = m->brake_tau_max - m->brake_tau_lin;
+  if (linear <= m->brake_tau_lin) return linear;
+  return h > 0 ? m->brake_tau_lin + h * (1 - exp(-(linear - m->brake_tau_lin) / h)) : m->brake_tau_max;
+}
+
+static void unit_equations(Unit *m) {
+  const double w_p = m->w_p, w_b = m->w_b;
+
+  /* driver */
+  const double i_ref = clamp(m->i_b, -m->driver_i_max, m->driver_i_max);
+  const bool lag = m->driver_T > 0;
+  m->i_coil = lag ? m->x_coil : i_ref;
+  m->der_x_coil = lag ? (i_ref - m->x_coil) / m->driver_T : 0;
+
+  /* belt: tau_belt = c_b (r phi_p - phi_b - slip) + d_b (r w_p - w_b - x tau_belt) */
+  double r = m->belt_r, way = m->belt_r * m->phi_p;
+  if (m->pulley_eccentricity_A != 0) {
+    const double A = m->pulley_eccentricity_A, phi_0 = m->pulley_eccentricity_phi_0;
+    way += r * A * (sin(m->phi_p + phi_0) - sin(phi_0));
+    r *= 1 + A * cos(m->phi_p + phi_0);
+  }
+  const double x = m->belt_creep_x;
+  const double tau_belt =
+      (m->belt_c_b * (way - m->phi_b - m->slip) + m->belt_d_b * (r * w_p - w_b)) / (1 + m->belt_d_b * x);
+  m->der_slip = x * tau_belt;
+  m->tau_belt = tau_belt;
+
+  /* J_p dw_p/dt = tau_s - r tau_belt - tau_h sgn(w_p, w_h) */
+  double tau_p = m->tau_s - r * tau_belt + m->tau_add;
+  if (m->tau_h > 0) tau_p -= m->tau_h * sgn(w_p, m->hand_w_h);
+  if (m->imbalance_G != 0) tau_p -= m->imbalance_G * sin(m->phi_p + m->imbalance_phi_0);
+  if (m->position_friction_T != 0)
+    tau_p -= m->position_friction_T * sin(m->position_friction_n * m->phi_p + m->position_friction_phi_0) *
+             sgn(w_p, m->position_friction_w_0);
+  if (m->touched[0]) tau_p += m->external_torque_T;
+  m->der_w_p = tau_p / m->pulley_J_p;
+  m->der_phi_p = w_p;
+
+  /* dtau_m/dt = omega_m (f(i) - tau_m) */
+  const double missing = brake_curve(m, m->i_coil) - m->tau_m;
+  m->der_tau_m = m->brake_omega_m * (missing < 0 ? 1 - m->brake_release_lag_x : 1) * missing;
+
+  /* J_b dw_b/dt = tau_belt - (tau_m + tau_off) sgn(w_b, w_b0) - d_off w_b */
+  const double tau_field = m->brake_fade_x != 0 ? m->tau_m / (1 + m->brake_fade_x * m->E) : m->tau_m;
+  double tau_b = tau_belt - (tau_field + m->brake_tau_off) * sgn(w_b, m->brake_w_b0) - m->brake_d_off * w_b + m->tau_b_add;
+  m->der_z_h = 0;
+  if (m->brake_hysteresis_T != 0) {
+    m->der_z_h = (w_b - fabs(w_b) * m->z_h) / m->brake_hysteresis_phi_h;
+    tau_b -= m->brake_hysteresis_T * m->z_h;
+  }
+  m->der_w_b = tau_b / m->brake_J_b;
+  m->der_phi_b = w_b;
+  m->der_E = fabs(m->tau_m * w_b);
+
+  m->der_W = m->tau_s * w_p;
+  m->der_W_abs = fabs(m->der_W);
+}
+
+static void unit_indicators(const Unit *m, double z[N_EVENT]) {
+  const bool changes = m->external_torque_T != 0 && touched_now(m) != (m->touched[0] != 0);
+  z[EVENT_touch_begin] = changes && !m->touched[0] ? 1 : -1;
+  z[EVENT_touch_end] = changes && m->touched[0] ? 1 : -1;
+}
+
+static void unit_event(Unit *m, int event) { m->touched[0] = event == EVENT_touch_begin; }

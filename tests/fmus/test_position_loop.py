@@ -74,7 +74,7 @@ def test_velocity_filter_is_a_first_order_lag(run: Run) -> None:
 
 @pytest.mark.parametrize("step", [1e-3, 3.7e-4, 1e-4])
 def test_sampled_loop_holds_its_voltage_whatever_the_communication_step(
-    fmu: Callable[[str], Path], step: float
+    fmu: Callable[[str], Path], tmp_path: Path, step: float
 ) -> None:
     T_s, slope = 2e-3, 5.0
     path = fmu("position_loop")

@@ -1,0 +1,77 @@
+"""A diagnosis on recordings that it has not seen: nominal, calibrated and repaired beside the held-out runs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet
+
+from orchestrator.diagnosis.campaign import Campaign
+from orchestrator.diagnosis.compare import Comparison, channel_figures, compare, table
+from orchestrator.diagnosis.conditioning import condition
+from orchestrator.diagnosis.score import read_object
+from orchestrator.diagnosis.simulate import Simulator
+from orchestrator.diagnosis.store import plain, write_atomically
+from orchestrator.errors import UserError
+from orchestrator.system.model import System
+from orchestrator.system.read import load_system
+
+
+def verify(folder: Path, campaign: Campaign) -> dict[str, Any]:
+    """Simulate every held-out recording with the systems of a diagnosis; write verify.json and verify.parquet to its
+    folder.
+
+    folder: what `diagnose` wrote. Returns the content of verify.json. UserError: no diagnosis there, or nothing held
+    out.
+    """
+    diagnosis = read_diagnosis(folder)
+    if not campaign.holdout:
+        raise UserError(f'{campaign.path}: no recording has role = "holdout", one at least is needed to verify')
+    compared = compare_systems(campaign, folder, diagnosis)
+    quality = condition(campaign)
+    figures = channel_figures(compared)
+    noise = {name: (diagnosis["channels"].get(name) or {}).get("noise") or quality[name].noise for name in figures}
+    content = {"channels": {name: {"noise": noise[name], **values} for name, values in figures.items()}}
+    write_atomically(folder / "verify.parquet", lambda file: pyarrow.parquet.write_table(table(compared), file))
+    write_json(folder / "verify.json", content)
+    return content
+
+
+def read_diagnosis(folder: Path) -> dict[str, Any]:
+    """diagnosis.json. UserError: there is none, or none that can be read."""
+    diagnosis, why = read_object(folder / "diagnosis.json")
+    if diagnosis is None or not {"verdict", "calibrated", "channels"} <= set(diagnosis):
+        raise UserError(f"{folder / 'diagnosis.json'}: {why or 'not a diagnosis'}; run cobot-joint diagnose first")
+    return diagnosis
+
+
+def compare_systems(campaign: Campaign, folder: Path, diagnosis: Mapping[str, Any]) -> list[Comparison]:
+    """Held-out recordings beside the system as specified, re-fitted, and repaired (the SSP files of the folder)."""
+    nominal = {setup: load_system(path) for setup, path in campaign.setups.items()}
+    calibrated = {name: estimate["value"] for name, estimate in diagnosis["calibrated"].items()}
+    with ExitStack() as stack:
+        simulators = {
+            "nominal": stack.enter_context(Simulator(nominal)),
+            "calibrated": stack.enter_context(Simulator(nominal, calibrated)),
+            "repaired": stack.enter_context(Simulator(repaired_systems(campaign, folder))),
+        }
+        return compare(campaign.holdout, simulators)
+
+
+def repaired_systems(campaign: Campaign, folder: Path) -> dict[str, System]:
+    """Set-up -> repaired system, as `export.write_repair` named them. UserError: one is missing."""
+    first = next(iter(campaign.setups))
+    return {
+        setup: load_system(folder / ("repaired.ssp" if setup == first else f"repaired_{setup}.ssp"))
+        for setup in campaign.setups
+    }
+
+
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Plain JSON, whole or not at all."""
+    text = json.dumps(plain(content), indent=1, allow_nan=False) + "\n"
+    write_atomically(path, lambda file: file.write_text(text, encoding="utf-8"))

@@ -54,7 +54,7 @@ def _pass_on(group: Sequence[Connection], instances: Mapping[str, Instance], inp
                 sink = instances[str(wire.sink_component)]
                 with sink.explained(f"on taking {wire.name} = {value:g} during initialisation"):
                     sink.set(wire.sink, value)
-        if moved is None or len(group) == 1:
+        if moved is None:
             return
     loop = ", ".join(wire.name for wire in group)
     raise SimulationError(f"initial values do not settle in {MOST_SWEEPS} sweeps over the loop {loop}")

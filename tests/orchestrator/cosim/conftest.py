@@ -146,7 +146,7 @@ def _describe(unit: str, declares: Declares) -> str:
 <fmiModelDescription fmiVersion="2.0" modelName="{unit}" guid="{unit}"{tool}>
 <CoSimulation modelIdentifier="{unit}" {capabilities} maxOutputDerivativeOrder="{int(declares.slopes)}"/>
 {flange}<ModelVariables>{"".join(variables)}</ModelVariables>
-<ModelStructure><Outputs>{"".join(outputs)}</Outputs></ModelStructure>
+<ModelStructure><Outputs>{"".join(outputs)}</Outputs><InitialUnknowns>{"".join(outputs)}</InitialUnknowns></ModelStructure>
 </fmiModelDescription>"""
 
 

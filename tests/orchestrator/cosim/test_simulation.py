@@ -1,0 +1,151 @@
+"""Runs: what is set, passed on, recorded, repeated, changed on the way, streamed; and what is said when it fails."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from orchestrator.cosim import Simulation, SimulationError, simulate
+from orchestrator.errors import UserError
+from orchestrator.system import Connection, Inputs, System
+
+MakeSystem = Callable[..., System]
+NOTHING = Inputs(np.array([0.0]))  # inputs keep their start values
+RAMP = Inputs(np.array([0.0, 1.0]), {"u": np.array([0.0, 1.0])})
+
+
+def test_inputs_are_linear_between_samples_and_held_outside(make_gain: MakeSystem) -> None:
+    inputs = Inputs(np.array([0.2, 0.35, 0.4]), {"u": np.array([1.0, 4.0, 0.0])})
+    result = simulate(make_gain(), inputs, 1.0, step=0.05, output_step=0.05)
+    expected = 2 * np.interp(result.time, inputs.time, inputs.values["u"])
+    np.testing.assert_allclose(result.signals["y"], 10 * expected + 1, atol=1e-12)  # factor and offset of the wire
+
+
+def test_integers_and_booleans_pass_through_wires(make_gain: MakeSystem) -> None:
+    t = np.array([0.0, 0.1, 0.2])
+    inputs = Inputs(t, {"n": np.array([3.0, 3.0, 7.0]), "b": np.array([1.0, 1.0, 0.0])})
+    result = simulate(make_gain(), inputs, 0.3, step=0.1, output_step=0.1)
+    assert result.signals["n_out"].tolist() == [4, 4, 4, 8]
+    assert result.signals["b_out"].tolist() == [0, 0, 0, 1]
+
+
+@pytest.mark.parametrize("engine", ["native", "reference"])
+def test_discrete_signals_are_held_over_a_step(make_gain: MakeSystem, engine: str) -> None:
+    inputs = Inputs(np.array([0.0, 1.0]), {"n": np.array([0.0, 10.0])})
+    result = simulate(make_gain(), inputs, 0.4, step=0.1, output_step=0.1, engine=engine)
+    assert result.signals["n_out"].tolist() == [1, 1, 2, 3, 4]
+
+
+def test_any_variable_of_a_component_can_be_recorded(make_oscillator: MakeSystem) -> None:
+    result = simulate(make_oscillator(), NOTHING, 0.5, record=["inertia.W_abs", "phi", "spring.spring.c"])
+    assert list(result.signals) == ["inertia.W_abs", "phi", "spring.spring.c"]
+    assert np.all(np.diff(result.signals["inertia.W_abs"]) >= 0)
+    assert np.all(result.signals["spring.spring.c"] == 1)
+
+
+def test_a_second_run_is_as_the_first(make_oscillator: MakeSystem) -> None:
+    with Simulation(make_oscillator()) as simulation:
+        first = simulation.run(NOTHING, 2.0)
+        simulation.run(NOTHING, 1.0, parameters={"spring.spring.c": 5}, scheme="jacobi", step=0.01, output_step=0.01)
+        again = simulation.run(NOTHING, 2.0)
+    for name, samples in first.signals.items():
+        assert samples.tobytes() == again.signals[name].tobytes()
+
+
+def test_parameters_of_a_run_come_after_those_of_the_system(make_gain: MakeSystem) -> None:
+    system = make_gain(k=3.0)
+    own = simulate(system, RAMP, 1.0, output_step=0.5)
+    given = simulate(system, RAMP, 1.0, output_step=0.5, parameters={"gain.k": 4.0})
+    assert own.signals["y"][-1] == pytest.approx(31)
+    assert given.signals["y"][-1] == pytest.approx(41)
+
+
+@pytest.mark.parametrize("engine", ["native", "reference"])
+def test_a_parameter_can_change_while_time_runs(make_gain: MakeSystem, engine: str) -> None:
+    constant = Inputs(np.array([0.0]), {"u": np.array([1.0])})
+    events = [(0.7, {"gain.k": 7.0}), (0.25, {"gain.k": 5.0})]
+    result = simulate(make_gain(), constant, 1.0, step=0.1, output_step=0.1, parameter_events=events, engine=engine)
+    # 0.25 s takes effect from 0.3 s on and shows at the next point
+    assert ((result.signals["y"] - 1) / 10).tolist() == [2, 2, 2, 2, 5, 5, 5, 5, 7, 7, 7]
+
+
+def test_a_stream_is_the_run_in_pieces(make_oscillator: MakeSystem) -> None:
+    drive = Inputs(np.linspace(0, 3, 31), {"tau_drive": np.sin(np.linspace(0, 9, 31))})
+    reached = []
+    with Simulation(make_oscillator()) as simulation:
+        whole = simulation.run(drive, 3.0, output_step=0.01)
+        pieces = list(
+            simulation.stream(
+                drive, 3.0, output_step=0.01, rows_per_chunk=77, progress=lambda t, stop: reached.append((t, stop))
+            )
+        )
+    assert [len(piece.time) for piece in pieces] == [77, 77, 77, 70]
+    assert np.concatenate([piece.time for piece in pieces]).tobytes() == whole.time.tobytes()
+    for name, samples in whole.signals.items():
+        assert np.concatenate([piece.signals[name] for piece in pieces]).tobytes() == samples.tobytes()
+    assert pieces[-1].energy == whole.energy
+    assert reached[-1] == (3.0, 3.0)
+
+
+@pytest.mark.parametrize("engine", ["native", "reference"])
+def test_a_failed_step_names_unit_call_and_time_and_what_the_unit_logged(make_gain: MakeSystem, engine: str) -> None:
+    with pytest.raises(SimulationError) as caught:
+        simulate(make_gain(fail_at=0.5), RAMP, 1.0, step=0.1, output_step=0.1, engine=engine)
+    assert str(caught.value) == "gain: fmi2DoStep returned error at t = 0.5 s, step 0.1 s: no more after 0.5 s"
+
+
+def test_a_discarded_step_is_an_error_that_says_so(make_gain: MakeSystem) -> None:
+    with pytest.raises(SimulationError, match="fmi2DoStep returned discard at t = 0.5 s"):
+        simulate(make_gain(fail_at=0.5, fail_as=2), RAMP, 1.0, step=0.1, output_step=0.1)
+
+
+def test_warnings_are_counted_and_do_not_stop_a_run(make_gain: MakeSystem) -> None:
+    with Simulation(make_gain(fail_at=0.5, fail_as=1)) as simulation:
+        result = simulation.run(RAMP, 1.0, step=0.1, output_step=0.1)
+        assert simulation.counters["warnings"] == 5
+    assert result.signals["y"][-1] == pytest.approx(21)
+
+
+def test_after_a_failed_run_the_next_one_is_sound(make_gain: MakeSystem) -> None:
+    with Simulation(make_gain()) as simulation:
+        sound = simulation.run(RAMP, 1.0)
+        with pytest.raises(SimulationError):
+            simulation.run(RAMP, 1.0, parameters={"gain.fail_at": 0.5})
+        again = simulation.run(RAMP, 1.0)
+    assert sound.signals["y"].tobytes() == again.signals["y"].tobytes()
+
+
+def test_an_algebraic_loop_without_a_fixed_point_is_refused_at_the_start(make_gain: MakeSystem) -> None:
+    amplifier = make_gain()
+    connections = [c for c in amplifier.connections if c.sink != "u"]
+    connections.append(Connection("gain", "y", "gain", "u", 1.0, 1.0))  # y = 2 (y + 1) grows from sweep to sweep
+    loop = System("loop", amplifier.components, tuple(connections), {}, amplifier.outputs)
+    with pytest.raises(
+        SimulationError, match=r"initial values do not settle in 50 sweeps over the loop gain.y -> gain.u"
+    ):
+        simulate(loop, NOTHING, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"parameters": {"motor.k": 1}}, "no such component of amplifier, it has gain"),
+        ({"parameters": {"gain.kk": 1}}, "no variable of gain_"),
+        ({"parameters": {"gain.k": np.nan}}, "a finite number is allowed"),
+        ({"record": ["z"]}, "'z' is to be recorded, amplifier has y, n_out, b_out, u, n, b"),
+        ({"record": ["gain.z"]}, "'gain.z' is to be recorded, gain has u, y"),
+        ({"step": 0.003, "output_step": 0.01}, "the output step 0.01 s has to be a multiple of it"),
+        ({"step": -1.0}, "step -1 s is given, it has to be positive"),
+    ],
+)
+def test_a_wrong_call_is_answered_with_what_is_allowed(make_gain: MakeSystem, wrong: dict, message: str) -> None:
+    with pytest.raises(UserError, match=message):
+        simulate(make_gain(), RAMP, 1.0, **wrong)
+
+
+def test_an_unknown_input_is_answered_with_the_known_ones(make_gain: MakeSystem) -> None:
+    inputs = Inputs(np.array([0.0]), {"v": np.array([1.0])})
+    with pytest.raises(UserError, match="input 'v' is given, amplifier has u, n, b"):
+        simulate(make_gain(), inputs, 1.0)

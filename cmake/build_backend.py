@@ -6,12 +6,16 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 
 from scikit_build_core import build as skbuild
-from scikit_build_core.build import build_sdist, get_requires_for_build_sdist
+from scikit_build_core.build import (
+    build_sdist,
+    get_requires_for_build_sdist,
+    prepare_metadata_for_build_editable,
+    prepare_metadata_for_build_wheel,
+)
 
 __all__ = [
     "build_editable",
@@ -20,9 +24,11 @@ __all__ = [
     "get_requires_for_build_editable",
     "get_requires_for_build_sdist",
     "get_requires_for_build_wheel",
+    "prepare_metadata_for_build_editable",
+    "prepare_metadata_for_build_wheel",
 ]
 
-Settings = Mapping[str, list[str] | str] | None
+Settings = dict[str, list[str] | str] | None
 
 
 def has_compiler() -> bool:
@@ -32,10 +38,8 @@ def has_compiler() -> bool:
     if sys.platform == "darwin":  # /usr/bin/cc is there even without a compiler behind it
         return subprocess.run(["xcode-select", "-p"], capture_output=True).returncode == 0
     if sys.platform == "win32":
-        installer = Path(
-            os.environ.get("ProgramFiles(x86)", "C:/Program Files (x86)"), "Microsoft Visual Studio/Installer"
-        )
-        if (installer / "vswhere.exe").exists():
+        programs = Path(os.environ.get("PROGRAMFILES(X86)", "C:/Program Files (x86)"))
+        if (programs / "Microsoft Visual Studio/Installer/vswhere.exe").exists():
             return True
     return any(shutil.which(name) for name in ("cc", "gcc", "clang", "cl"))
 
@@ -51,7 +55,8 @@ def ensure_compiler() -> None:
             "Windows: Visual Studio Build Tools), or `pip install ziglang`."
         )
     zig = Path(ziglang.submodule_search_locations[0], "zig.exe" if sys.platform == "win32" else "zig")
-    os.environ["CC"] = f"{zig} cc -mcpu=baseline"  # baseline: the wheel may be carried to another machine
+    # baseline: the wheel may be carried to another machine; the rest switches off what zig adds by itself
+    os.environ["CC"] = f"{zig} cc -mcpu=baseline -fno-sanitize=undefined -g0"
 
 
 def _zig() -> list[str]:
@@ -71,8 +76,6 @@ def build_wheel(directory: str, config_settings: Settings = None, metadata_direc
     return skbuild.build_wheel(directory, config_settings, metadata_directory)
 
 
-def build_editable(
-    wheel_directory: str, config_settings: Settings = None, metadata_directory: str | None = None
-) -> str:
+def build_editable(directory: str, config_settings: Settings = None, metadata_directory: str | None = None) -> str:
     ensure_compiler()
     return skbuild.build_editable(directory, config_settings, metadata_directory)

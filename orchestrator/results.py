@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 import orchestrator
 from orchestrator.system.model import System
 
-METADATA = b"cobot-joint"  # key of the provenance, JSON, in the Parquet file's metadata
+METADATA = "cobot-joint"  # key of the provenance, JSON, in the Parquet file's metadata
 
 
 def header(name: str, unit: str | None) -> str:
@@ -97,7 +97,7 @@ class SignalsWriter:
 
 def read_provenance(path: Path) -> dict[str, Any]:
     """What `SignalsWriter` wrote into a file's metadata."""
-    found: dict[str, Any] = json.loads(pq.read_metadata(path).metadata[METADATA])
+    found: dict[str, Any] = json.loads((pq.read_metadata(path).metadata or {})[METADATA.encode()])
     return found
 
 

@@ -69,20 +69,25 @@ class Signal(_Model):
         return np.interp(time, t, v)
 
 
-class _Scenario(_Model):
+class BaseScenario(_Model):
+    """What every kind of scenario says."""
+
     title: str = ""
     system: str
     parameters: dict[str, float | str] = Field(default_factory=dict)  # `component.parameter` -> value
+    scheme: str | None = None  # of coupling; None: the master's own
+    step: Positive | None = None  # s
     name: str = ""
     path: Path | None = None
 
 
-class TimeScenario(_Scenario):
+class TimeScenario(BaseScenario):
     """Inputs over time, one run."""
 
     kind: Literal["time"] = "time"
     stop_time: Positive
     output_step: Positive = 1e-3
+    columns_of: str | None = None  # a system whose columns signals.parquet gets; those this one lacks are 0 throughout
     inputs: dict[str, Signal] = Field(default_factory=dict)
 
     def signals(self, system: System) -> Inputs:
@@ -109,7 +114,7 @@ class Variant(_Model):
     parameters: dict[str, float | str] = Field(default_factory=dict)
 
 
-class FrequencyResponse(_Scenario):
+class FrequencyResponse(BaseScenario):
     """A current sine per frequency, and the amplitude of the speed after settling."""
 
     kind: Literal["frequency_response"]
@@ -121,6 +126,9 @@ class FrequencyResponse(_Scenario):
     periods: Annotated[int, Field(ge=1)] = 2
     compared: Literal["fundamental", "half_swing"] = "fundamental"
     variants: list[Variant] = Field(min_length=1)
+    input: str = "v_command"  # the system's connectors
+    current: str = "i_motor"
+    speed: str = "w_motor"
 
 
 class Arm(_Model):
@@ -150,7 +158,7 @@ class Shunt(_Model):
         return self.R_bridge / (4 * self.R_sh + 2 * self.R_bridge) / self.rated_output
 
 
-class TorqueCalibration(_Scenario):
+class TorqueCalibration(BaseScenario):
     """Weights on an arm, and the shunt check."""
 
     kind: Literal["torque_calibration"]
@@ -159,9 +167,10 @@ class TorqueCalibration(_Scenario):
     settle: Positive = 2.0  # s, per weight
     shunt: Shunt
     line: dict[Literal["slope", "offset"], Finite]  # eq. 3.3: applied = slope*measured + offset
+    uncalibrated: dict[str, float | str] = Field(default_factory=dict)  # on top of `parameters`, for the shunt check
 
 
-class CurrentSensorCalibration(_Scenario):
+class CurrentSensorCalibration(BaseScenario):
     """A staircase of currents through the ACS712 of each phase."""
 
     kind: Literal["current_sensor_calibration"]
@@ -225,4 +234,4 @@ def _first(error: ValidationError) -> str:
     return f"{where}: {given!r} is given, {message}"
 
 
-_KINDS: tuple[type[_Scenario], ...] = (TimeScenario, FrequencyResponse, TorqueCalibration, CurrentSensorCalibration)
+_KINDS: tuple[type[BaseScenario], ...] = (TimeScenario, FrequencyResponse, TorqueCalibration, CurrentSensorCalibration)

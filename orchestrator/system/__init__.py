@@ -1,7 +1,6 @@
 """Systems of units: SSP 1.0 in and out, wiring checks, unit conversion, initial values."""
 
 from orchestrator.system.initial import initial_order
-from orchestrator.system.mechanics import Shaft, shafts
 from orchestrator.system.model import Component, Connection, Connector, Experiment, Inputs, Result, System
 from orchestrator.system.parameters import with_parameters
 from orchestrator.system.read import find_system, load_system
@@ -15,14 +14,12 @@ __all__ = [
     "Experiment",
     "Inputs",
     "Result",
-    "Shaft",
     "System",
     "Wiring",
     "check",
     "find_system",
     "initial_order",
     "load_system",
-    "shafts",
     "with_parameters",
     "write_ssd",
     "write_ssp",

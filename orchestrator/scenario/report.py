@@ -1,0 +1,28 @@
+"""What a scenario leaves behind: files, and tables for the screen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+Progress = Callable[[float, float], None]  # (done, of) in s of bench time
+
+
+@dataclass(frozen=True)
+class Table:
+    """Headers with units in brackets; cells are numbers or text."""
+
+    title: str
+    headers: Sequence[str]
+    rows: Sequence[Sequence[float | str]]
+
+
+@dataclass
+class Report:
+    """`files`: path -> what it shows; `values`: figures by name, as `summary.json` holds them."""
+
+    title: str
+    tables: list[Table] = field(default_factory=list)
+    files: dict[Path, str] = field(default_factory=dict)
+    values: dict[str, float | str] = field(default_factory=dict)

@@ -97,7 +97,7 @@ def test_a_failed_step_names_unit_call_and_time_and_what_the_unit_logged(make_ga
 
 
 def test_a_discarded_step_is_an_error_that_says_so(make_gain: MakeSystem) -> None:
-    with pytest.raises(SimulationError, match="fmi2DoStep returned discard at t = 0.5 s"):
+    with pytest.raises(SimulationError, match=r"fmi2DoStep returned discard at t = 0\.5 s"):
         simulate(make_gain(fail_at=0.5, fail_as=2), RAMP, 1.0, step=0.1, output_step=0.1)
 
 

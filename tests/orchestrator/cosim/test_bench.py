@@ -1,0 +1,62 @@
+"""The default scheme on the bench against the monolithic reference solutions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from orchestrator.cosim import SCHEMES, simulate
+from orchestrator.system import Inputs, Result, load_system
+
+SCENARIOS = ["no_load", "load_mr_brake", "load_hand", "reversals"]
+ACCURACY = {"i_motor": 4e-4, "w_motor": 0.03, "tau_sensor": 5e-4}  # rms: A, rad/s, N.m
+
+
+def run_reference(shared: Path, scenario: str, scheme: str) -> tuple[Result, dict[str, np.ndarray]]:
+    """A run on the reference solution's inputs, and that solution."""
+    table = pq.read_table(shared / "reference" / f"{scenario}.parquet")
+    reference = {name.split(" [")[0]: table[name].to_numpy() for name in table.column_names}
+    system = load_system("joint_no_load" if scenario == "no_load" else "joint")
+    inputs = Inputs(reference["time"], {name: reference[name] for name in system.inputs})
+    return simulate(system, inputs, 20.0, scheme=scheme), reference
+
+
+@pytest.mark.parametrize("scheme", ["gauss_seidel_extrapolated", "iterative", "adaptive"])
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_the_bench_is_as_the_reference_solution(shared: Path, scenario: str, scheme: str) -> None:
+    result, reference = run_reference(shared, scenario, scheme)
+    np.testing.assert_allclose(result.time, reference["time"], rtol=1e-12)
+    for name, limit in ACCURACY.items():
+        if name in result.signals:
+            assert np.sqrt(np.mean((result.signals[name] - reference[name]) ** 2)) <= limit, name
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_no_energy_is_lost_between_units(shared: Path, scenario: str) -> None:
+    result, _ = run_reference(shared, scenario, "gauss_seidel_extrapolated")
+    assert len(result.energy) == (1 if scenario == "no_load" else 3)
+    for name, (given, taken, absolute) in result.energy.items():
+        assert abs(given - taken) <= 1e-3 * absolute, name
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_on_the_bench_native_and_reference_give_the_same_bits(scheme: str) -> None:
+    system = load_system("joint")
+    t = np.array([0.0, 0.02, 0.1, 0.15])
+    inputs = Inputs(
+        t,
+        {
+            "v_command": np.array([0.0, 12.0, 12.0, -6.0]),
+            "i_brake": np.array([0.0, 0.0, 0.3, 0.3]),
+            "tau_hold": np.array([0.0, 0.0, 2.0, 0.0]),
+        },
+    )
+    native, plain = (simulate(system, inputs, 0.15, scheme=scheme, engine=engine) for engine in ("native", "reference"))
+    for name, samples in native.signals.items():
+        assert np.all(np.isfinite(samples))
+        assert samples.tobytes() == plain.signals[name].tobytes(), name
+    assert np.ptp(native.signals["w_motor"]) > 10
+    assert native.energy == plain.energy

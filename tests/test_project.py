@@ -119,5 +119,7 @@ def test_no_file_names_a_folder_of_one_machine() -> None:
     if listed.returncode:
         pytest.skip("not a git checkout")
     home = re.compile(rb"/(?:home|Users|root|work)/[\w.]+/")
-    named = [f for f in listed.stdout.split("\n") if f and (ROOT / f).is_file() and home.search((ROOT / f).read_bytes())]
+    named = [
+        f for f in listed.stdout.split("\n") if f and (ROOT / f).is_file() and home.search((ROOT / f).read_bytes())
+    ]
     assert not named

@@ -6,10 +6,10 @@ static double position_error(const Unit *m) { return m->phi_ref - m->phi + (m->s
 static double measured_speed(const Unit *m) { return m->w + m->v / m->gains_lead; }
 static double filtered_speed(const Unit *m) { return m->velocity_filter_T > 0 ? m->x_w : measured_speed(m); }
 
-/* clamp(k_v (k_p e - k_w w_f), -u_max, u_max) */
+/* clamp(k_v (k_p e - k_w w_f), -u_max, u_max) + u_add */
 static double control(const Unit *m) {
   const double u = m->gains_k_v * (m->gains_k_p * position_error(m) - m->gains_k_w * filtered_speed(m));
-  return clamp(u, -m->saturation_u_max, m->saturation_u_max);
+  return clamp(u, -m->saturation_u_max, m->saturation_u_max) + m->u_add;
 }
 
 /* n*T_s and a sum of steps differ by rounding */
@@ -20,7 +20,7 @@ static void unit_start(Unit *m) { (void)m; }
 static void unit_equations(Unit *m) {
   const bool held = m->sampling_T_s > 0 && !sample_is_due(m);
   const double u = held ? m->held[0] : control(m);
-  m->u_c = m->enable ? u * m->v_supply / m->saturation_v_nominal + m->u_add : 0;
+  m->u_c = m->enable ? u * m->v_supply / m->saturation_v_nominal : 0;
   m->tau = m->drive_k_tau * m->u_c;
   m->e_phi = position_error(m);
   m->w_f = filtered_speed(m);

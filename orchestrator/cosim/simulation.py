@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Literal, Protocol
 
@@ -111,7 +111,7 @@ class Simulation:
         inputs: Inputs,
         stop_time: float,
         *,
-        scheme: str | Scheme = DEFAULT,
+        scheme: str | Scheme | None = None,
         step: float | None = None,
         output_step: float = 1e-3,
         start_time: float = 0.0,
@@ -128,7 +128,7 @@ class Simulation:
         `component.variable`; None: the system's outputs. `progress`: called with (time, stop time) now and then.
         UserError: a name, value or time that is wrong. SimulationError: a unit fails.
         """
-        chosen = scheme_of(scheme)
+        chosen = self._scheme(scheme)
         clock = make_clock(chosen, start_time, stop_time, step, output_step)
         master, names = self._prepare(inputs, chosen, clock, stop_time, parameters or {}, record)
         try:
@@ -146,7 +146,7 @@ class Simulation:
         inputs: Inputs,
         stop_time: float,
         *,
-        scheme: str | Scheme = DEFAULT,
+        scheme: str | Scheme | None = None,
         step: float | None = None,
         output_step: float = 1e-3,
         start_time: float = 0.0,
@@ -160,7 +160,7 @@ class Simulation:
 
         Each piece's `energy` is that from the start to the piece's end.
         """
-        chosen = scheme_of(scheme)
+        chosen = self._scheme(scheme)
         clock = make_clock(chosen, start_time, stop_time, step, output_step)
         master, names = self._prepare(inputs, chosen, clock, stop_time, parameters or {}, record)
         try:
@@ -176,6 +176,13 @@ class Simulation:
     def energy(self) -> dict[str, tuple[float, float, float]]:
         """Mechanical connection -> (work given, work taken, integral of |power given|) since the run's start, J."""
         return works(self._flanges, self._instances)
+
+    def _scheme(self, scheme: str | Scheme | None) -> Scheme:
+        own = self.system.default_experiment
+        if scheme is not None or own.scheme is None:
+            return scheme_of(scheme or DEFAULT)
+        chosen = scheme_of(own.scheme)
+        return replace(chosen, step=own.step) if own.step else chosen
 
     def _prepare(
         self,
@@ -259,7 +266,7 @@ def simulate(
     inputs: Inputs,
     stop_time: float,
     *,
-    scheme: str | Scheme = DEFAULT,
+    scheme: str | Scheme | None = None,
     step: float | None = None,
     output_step: float = 1e-3,
     start_time: float = 0.0,

@@ -58,10 +58,12 @@ class Connection:
 
 @dataclass(frozen=True)
 class Experiment:
-    """SSD's DefaultExperiment, s."""
+    """SSD's DefaultExperiment, s; and how its units want to be coupled unless a run says otherwise (None: as any)."""
 
     start_time: float = 0.0
     stop_time: float = 1.0
+    scheme: str | None = None
+    step: float | None = None
 
 
 @dataclass(frozen=True)

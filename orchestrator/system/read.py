@@ -24,6 +24,9 @@ NS = {
     "ssm": "http://ssp-standard.org/SSP1/SystemStructureParameterMapping",
 }
 FMU = "application/x-fmu-sharedlibrary"
+COUPLING = (
+    "cobot-joint.coupling"  # annotation of the default experiment: <coupling scheme="gauss_seidel" step="0.001"/>
+)
 
 
 def load_system(path: Path | str) -> System:
@@ -86,22 +89,32 @@ class _Reader:
         for element in self.element.iterfind("ssd:Elements/ssd:Component", NS):
             self._check_declared(element, wiring)
         wires = [self._connection(e, wiring) for e in self.element.iterfind("ssd:Connections/ssd:Connection", NS)]
-        experiment = self.root.find("ssd:DefaultExperiment", NS)
         system = System(
             name=self.element.get("name", self.path.stem),
             components=tuple(components),
             connections=tuple(wires),
             inputs={c.name: c for c in connectors if c.causality == "input"},
             outputs={c.name: c for c in connectors if c.causality == "output"},
-            default_experiment=Experiment(
-                float(experiment.get("startTime", "0")), float(experiment.get("stopTime", "1"))
-            )
-            if experiment is not None
-            else Experiment(),
+            default_experiment=self._experiment(),
             path=self.path,
         )
         check(system)
         return system
+
+    def _experiment(self) -> Experiment:
+        """The default experiment, with the annotation COUPLING if there is one."""
+        element = self.root.find("ssd:DefaultExperiment", NS)
+        if element is None:
+            return Experiment()
+        start, stop = float(element.get("startTime", "0")), float(element.get("stopTime", "1"))
+        coupling = element.find(f"ssd:Annotations/ssc:Annotation[@type='{COUPLING}']/*", NS)
+        if coupling is None:
+            return Experiment(start, stop)
+        scheme, step = coupling.get("scheme"), coupling.get("step")
+        try:
+            return Experiment(start, stop, scheme, float(step) if step else None)
+        except ValueError as error:
+            raise UserError(f"{self.path}: coupling: step {step!r} is given, a number of seconds is allowed") from error
 
     def _component(self, element: etree._Element) -> Component:
         name, where = element.get("name", ""), f"{self.path}: component {element.get('name')!r}"

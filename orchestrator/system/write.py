@@ -14,7 +14,7 @@ from lxml import etree
 from orchestrator import xml
 from orchestrator.errors import UserError
 from orchestrator.system.model import Component, Connection, Connector, System, Value
-from orchestrator.system.read import NS
+from orchestrator.system.read import COUPLING, NS
 from orchestrator.system.wiring import EXPONENTS, Wiring, check, conversion, port_type
 
 
@@ -77,10 +77,14 @@ def describe(system: System, sources: Mapping[str, str]) -> bytes:
     if units:
         _write_units(etree.SubElement(root, _tag("ssd", "Units")), units)
     experiment = system.default_experiment
-    etree.SubElement(
+    node = etree.SubElement(
         root, _tag("ssd", "DefaultExperiment"),
         startTime=_number(experiment.start_time), stopTime=_number(experiment.stop_time),
     )  # fmt: skip
+    coupling = {"scheme": experiment.scheme, "step": _number(experiment.step) if experiment.step else None}
+    if given := {name: value for name, value in coupling.items() if value is not None}:
+        annotations = etree.SubElement(node, _tag("ssd", "Annotations"))
+        etree.SubElement(etree.SubElement(annotations, _tag("ssc", "Annotation"), type=COUPLING), "coupling", given)
     return _text(root, "SystemStructureDescription", Path(f"{system.name}.ssd"))
 
 

@@ -30,7 +30,7 @@ class Options:
 
     def coupling(self, scenario: BaseScenario) -> dict[str, Any]:
         """Keyword arguments of a run: the caller's before the scenario's before the master's own."""
-        scheme, step = self.scheme or scenario.scheme, self.step or scenario.step
+        scheme, step = self.scheme or scenario.scheme, scenario.step if self.step is None else self.step
         return {"step": step} | ({"scheme": scheme} if scheme else {})
 
     def applied(self, system: System, *layers: Mapping[str, Value | str], where: str) -> System:

@@ -28,8 +28,8 @@ static inline double acs712(const Unit *m, double i) {
 static void signals(const Unit *m, double t, double x[7]) {
   const double past = m->time - m->before[0], s = past > 0 ? (t - m->before[0]) / past : 1;
   for (int j = 0; j < 7; j++) {
-    const double now = m->real[VR_i_motor + j];
-    x[j] = s == 1 ? now : m->before[1 + j] + s * (now - m->before[1 + j]);
+    const double now = m->real[VR_i_motor + j], begin = at_begin_of_step(m, VR_i_motor + j);
+    x[j] = s == 1 ? now : begin + s * (now - begin);
   }
   if (m->speed_delay_T > 0) x[1] = remembered(m, SPEED, m->w_motor, t - m->speed_delay_T);
   if (m->torque_delay_T > 0) x[2] = remembered(m, TORQUE, m->tau_sensor, t - m->torque_delay_T);
@@ -65,6 +65,7 @@ static void draw_noise(Unit *m) {
 static void unit_sample(Unit *m) {
   const double T_s = m->sampling_T_s, slack = 1e-9;
   if (m->count[0] == 0) m->held[0] = m->time;
+  amend_newest_row(m);
   if (T_s == 0) {
     draw_noise(m);
   } else {
@@ -76,6 +77,5 @@ static void unit_sample(Unit *m) {
   }
   remember(m);
   m->before[0] = m->time;
-  for (int j = 0; j < 7; j++) m->before[1 + j] = m->real[VR_i_motor + j];
   unit_equations(m);
 }

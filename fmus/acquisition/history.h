@@ -19,14 +19,23 @@ static inline double remembered(const Unit *m, int column, double x, double t) {
   return x1;
 }
 
+/* an input when the step that has just ended began; it may have been set after the step before had ended */
+static inline double at_begin_of_step(const Unit *m, int reference) { return m->u[reference - FIRST_INPUT].c[0]; }
+
+static inline void amend_newest_row(Unit *m) {
+  double *newest = m->history + ROW * m->rows[1];
+  newest[SPEED] = at_begin_of_step(m, VR_w_motor);
+  newest[TORQUE] = at_begin_of_step(m, VR_tau_sensor);
+}
+
 /* the present communication point becomes the newest row; rows closer than 1/200 of the longest delay are not kept */
 static inline void remember(Unit *m) {
-  const double longest = fmax(m->speed_delay_T, m->torque_delay_T), spacing = longest > 0 ? longest / 200 : INFINITY;
+  const double longest = fmax(m->speed_delay_T, m->torque_delay_T);
   const int filled = m->rows[0];
-  const bool too_close = filled > 1 && row_before(m, 0)[0] - row_before(m, 1)[0] < spacing;
+  const bool too_close = filled > 1 && row_before(m, 0)[0] - row_before(m, 1)[0] < longest / 200;
   if (filled == 0) {
     m->rows[0] = 1;
-  } else if (!too_close && row_before(m, 0)[0] < m->time && longest > 0) {
+  } else if (longest > 0 && !too_close && row_before(m, 0)[0] < m->time) {
     m->rows[1] = (m->rows[1] + 1) % ROWS;
     if (filled < ROWS) m->rows[0]++;
   }

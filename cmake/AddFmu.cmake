@@ -24,12 +24,15 @@ function(add_fmu name)
   file(GLOB physics CONFIGURE_DEPENDS ${source}/*.c ${source}/*.h ${source}/*.def)
   file(MAKE_DIRECTORY ${tree}/fmu/sources/fmi2 ${tree}/fmu/sources/friction ${tree}/fmu/sources/${name} ${tree}/fmu/documentation
        ${tree}/fmu/resources ${tree}/fmu/binaries/${FMI_PLATFORM})
-  file(CONFIGURE OUTPUT ${tree}/fmu/sources/all.c CONTENT
-       "#define MODEL_DEF \"@name@/model.def\"\n#define EQUATIONS \"@name@/equations.c\"\n#include \"fmi2/fmi2.c\"\n" @ONLY)
+  # compiled from here, shipped from there: beside the shipped one lie copies of the glue, which may be older
+  foreach(all ${tree}/all.c ${tree}/fmu/sources/all.c)
+    file(CONFIGURE OUTPUT ${all} CONTENT
+         "#define MODEL_DEF \"@name@/model.def\"\n#define EQUATIONS \"@name@/equations.c\"\n#include \"fmi2/fmi2.c\"\n" @ONLY)
+  endforeach()
 
-  add_library(${name} MODULE ${tree}/fmu/sources/all.c)
+  add_library(${name} MODULE ${tree}/all.c)
   target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR}/fmus ${FMI2_INCLUDE_DIR})
-  set_source_files_properties(${tree}/fmu/sources/all.c PROPERTIES OBJECT_DEPENDS "${physics};${FMI2_GLUE};${FRICTION}")
+  set_source_files_properties(${tree}/all.c PROPERTIES OBJECT_DEPENDS "${physics};${FMI2_GLUE};${FRICTION}")
   set_target_properties(${name} PROPERTIES PREFIX "" C_VISIBILITY_PRESET hidden LIBRARY_OUTPUT_DIRECTORY ${tree}/fmu/binaries/${FMI_PLATFORM}
                                            RUNTIME_OUTPUT_DIRECTORY ${tree}/fmu/binaries/${FMI_PLATFORM})
   if(APPLE)

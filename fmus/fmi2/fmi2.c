@@ -34,6 +34,7 @@ typedef struct {
   Phase phase;
   double stop_time; /* DBL_MAX: not defined */
   Unit start;       /* as instantiated: the table's start values, or those in resources/ */
+  LateValues late;  /* from resources/, too */
   Unit unit;
 } Instance;
 
@@ -82,7 +83,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
   char own[GUID_SIZE], why[256] = "";
   table_guid(own);
   set_starts(&probe.start);
-  const StartFile file = read_start_values(&probe.start, resources, guid, why);
+  const StartFile file = read_start_values(&probe.start, &probe.late, resources, guid, why);
   if (file == START_BAD) REFUSE("fmi2Instantiate: %s", why);
   if (file != START_APPLIED && strcmp(guid, own) != 0) REFUSE("fmi2Instantiate: GUID %s given, this library is %s", guid, own);
   Instance *c = malloc(sizeof *c);
@@ -342,7 +343,7 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2Value
     if (order[i] != 1) FAIL(c, "fmi2GetRealOutputDerivatives: order %d of %s; allowed is 1", order[i], REAL_INFO[vr[i]].name);
     if (REAL_INFO[vr[i]].kind > IS_OUTPUT || REAL_INFO[vr[i]].kind == IS_INPUT)
       FAIL(c, "fmi2GetRealOutputDerivatives: %s is no output", REAL_INFO[vr[i]].name);
-    all_states &= vr[i] < N_X;
+    all_states &= (int)vr[i] < N_X;
   }
   if (all_states) {
     for (size_t i = 0; i < n; i++) value[i] = m->real[FIRST_DER + vr[i]];
@@ -354,7 +355,7 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2Value
     for (int i = 0; i < N_X; i++) near.real[i] = m->real[i] + side * dt * m->real[FIRST_DER + i];
     evaluate(&near, m->time + side * dt);
     for (size_t i = 0; i < n; i++) {
-      if (vr[i] < N_X)
+      if ((int)vr[i] < N_X)
         value[i] = m->real[FIRST_DER + vr[i]];
       else
         value[i] = side < 0 ? near.real[vr[i]] : (near.real[vr[i]] - value[i]) / (2 * dt);
@@ -371,6 +372,7 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
   if (!(h > 0) || !isfinite(h)) FAIL(c, "fmi2DoStep: communicationStepSize %g; it has to be positive", h);
   if (!(fabs(t - m->time) <= slack)) FAIL(c, "fmi2DoStep: currentCommunicationPoint %.12g, but the unit is at %.12g", t, m->time);
   if (t + h > c->stop_time + slack) FAIL(c, "fmi2DoStep: the step ends at %g, behind the stop time %g", t + h, c->stop_time);
+  if (apply_late(&c->late, m)) m->restart = 1;
   refresh(m);
   for (int j = 0; j < N_INPUT; j++) { /* an input that nobody set stays where it got to */
     if (!m->u[j].fresh) {

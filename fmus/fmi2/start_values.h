@@ -1,4 +1,5 @@
-/* Start values that travel with a repaired FMU: resources/start_values.txt, first "guid = {...}", then "name = value".
+/* Start values that travel with a repaired FMU: resources/start_values.txt, first "guid = {...}", then "name = value", or
+ * "name = value from t" for a parameter that changes at the time t (an effect that sets in during a run).
  * Importers may ignore start attributes of the XML, so the unit reads them itself. */
 #ifndef COBOT_JOINT_START_VALUES_H
 #define COBOT_JOINT_START_VALUES_H
@@ -9,6 +10,16 @@
 #include "fmi2/table.h"
 
 typedef enum { START_NONE, START_APPLIED, START_BAD } StartFile;
+
+/* a real parameter that takes its value only from a time on */
+enum { MAX_LATE = 32 };
+typedef struct {
+  int n;
+  struct {
+    int reference;
+    double value, from; /* s */
+  } of[MAX_LATE];
+} LateValues;
 
 /* file URI (RFC 8089: file:///path, file:/path) or plain path -> path; %xx decoded */
 static inline void uri_to_path(char *out, size_t size, const char *uri, const char *file) {
@@ -56,8 +67,36 @@ static inline bool set_start(Unit *m, const char *name, double value) {
   return false;
 }
 
+/* notes the value for later, if it could be a start value of a real parameter */
+static inline bool set_late(LateValues *late, const Unit *m, const char *name, double value, double from) {
+  char known[NAME_SIZE];
+  for (int i = 0; i < N_PUBLIC && late->n < MAX_LATE; i++) {
+    const RealInfo *r = &REAL_INFO[i];
+    Unit probe = *m;
+    if (strcmp(full_name(known, r->term, r->name), name) != 0) continue;
+    if (r->kind != IS_PARAMETER || !isfinite(from) || !set_start(&probe, name, value)) return false;
+    late->of[late->n].reference = i;
+    late->of[late->n].value = value;
+    late->of[late->n++].from = from;
+    return true;
+  }
+  return false;
+}
+
+/* parameters whose time has come; whether one changed */
+static inline bool apply_late(const LateValues *late, Unit *m) {
+  bool changed = false;
+  for (int k = 0; k < late->n; k++) {
+    double *p = &m->real[late->of[k].reference];
+    if (m->time < late->of[k].from - 1e-9 || *p == late->of[k].value) continue;
+    *p = late->of[k].value;
+    changed = true;
+  }
+  return changed;
+}
+
 /* resources/ of one instance into its start values, if the file's guid is the one asked for */
-static inline StartFile read_start_values(Unit *m, const char *resources, const char *guid, char why[256]) {
+static inline StartFile read_start_values(Unit *m, LateValues *late, const char *resources, const char *guid, char why[256]) {
   char path[4096], line[256], name[NAME_SIZE], text[96];
   if (!resources || strlen(resources) > 4000) return START_NONE;
   uri_to_path(path, sizeof path, resources, "start_values.txt");
@@ -68,10 +107,12 @@ static inline StartFile read_start_values(Unit *m, const char *resources, const 
     result = START_APPLIED;
     while (result == START_APPLIED && fgets(line, sizeof line, f)) {
       char *end = text;
+      double from;
       if (sscanf(line, " %95s", name) != 1 || name[0] == '#') continue;
-      const bool pair = sscanf(line, " %95s = %95s", name, text) == 2;
-      const double value = pair ? strtod(text, &end) : 0;
-      if (pair && end != text && set_start(m, name, value)) continue;
+      const int parts = sscanf(line, " %95s = %95s from %lf", name, text, &from);
+      const double value = parts >= 2 ? strtod(text, &end) : 0;
+      if (parts == 2 && end != text && set_start(m, name, value)) continue;
+      if (parts == 3 && end != text && set_late(late, m, name, value, from)) continue;
       line[strcspn(line, "\r\n")] = 0;
       snprintf(why, 256, "resources/start_values.txt: \"%.160s\" names no start value of a %s within its bounds", line, UNIT_NAME);
       result = START_BAD;

@@ -13,8 +13,8 @@ from orchestrator.diagnosis.recording import Recording
 from orchestrator.errors import UserError, among
 from orchestrator.system.model import Inputs, System, Value
 
-# Impacts in the gearhead's gap: on a healthy campaign with its true parameters, recording - simulation of the current has an
-# rms of 4.01 mA, the noise, with this scheme, and 4.64 mA with fixed steps of 0.5 ms; both take the same time.
+# Impacts in the gearhead's gap: on a healthy campaign with its true parameters, recording - simulation of the current
+# has an rms of 4.01 mA, the noise, with this scheme, and 4.64 mA with fixed steps of 0.5 ms; both take the same time.
 SCHEME = "adaptive"
 
 

@@ -117,7 +117,8 @@ class Slave:
             self.step(start + (k + 1) * h - self.time)
             times.append(self.time)
             rows.append([self[name] for name in record])
-        return {"time": np.array(times), **dict(zip(record, np.array(rows).T.reshape(len(record), -1), strict=True))}
+        columns = np.array(rows).reshape(len(rows), len(record)).T
+        return {"time": np.array(times), **dict(zip(record, columns, strict=True))}
 
     def outputs(self) -> list[str]:
         """Real outputs."""

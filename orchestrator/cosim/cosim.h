@@ -92,6 +92,13 @@ COSIM_API int cosim_advance(Master *m, int64_t tick, double *rows);
 /* Writes the row of the present tick. */
 COSIM_API int cosim_record(Master *m, double *row);
 
+/* A unit's logger: its componentEnvironment is a Log, which keeps the last message that was no good news. */
+typedef struct {
+  char last[1024];
+} Log;
+COSIM_API void cosim_log(fmi2ComponentEnvironment log, fmi2String instance, fmi2Status status, fmi2String category,
+                         fmi2String message, ...);
+
 COSIM_API const char *cosim_message(const Master *m);
 COSIM_API void cosim_counters(const Master *m, Counters *counters);
 

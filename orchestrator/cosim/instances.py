@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
@@ -16,8 +15,8 @@ from fmpy.fmi2 import (
     fmi2CallbackFunctions,
     fmi2CallbackLoggerTYPE,
 )
-from fmpy.logging import addLoggerProxy
 
+from orchestrator.cosim import library
 from orchestrator.errors import UserError
 from orchestrator.system.model import Component, System, Value
 from orchestrator.system.parameters import checked, split
@@ -25,6 +24,10 @@ from orchestrator.system.parameters import checked, split
 
 class SimulationError(RuntimeError):
     """A run failed: which unit, which call, at what time, and what the unit logged last."""
+
+
+class _Log(ctypes.Structure):
+    _fields_ = [("last", ctypes.c_char * 1024)]
 
 
 class Instance:
@@ -36,7 +39,7 @@ class Instance:
         self.name = component.name
         self.description = component.unit.description
         self.variables = component.unit.variables
-        self.log: deque[str] = deque(maxlen=3)
+        self._log = _Log()
         capabilities = self.description.coSimulation
         try:
             self.fmu = FMU2Slave(
@@ -53,15 +56,12 @@ class Instance:
         self._fresh = True
 
     def _make_callbacks(self) -> fmi2CallbackFunctions:
-        def logger(_environment: int, _name: bytes, status: int, _category: bytes, message: bytes) -> None:
-            if status > 0:
-                self.log.append(message.decode("utf-8", "replace").strip())
-
+        """No Python in them: units call them in the middle of native stepping."""
         callbacks = fmi2CallbackFunctions()
-        callbacks.logger = fmi2CallbackLoggerTYPE(logger)
-        callbacks.allocateMemory = fmi2CallbackAllocateMemoryTYPE(calloc)
-        callbacks.freeMemory = fmi2CallbackFreeMemoryTYPE(free)
-        addLoggerProxy(ctypes.byref(callbacks))
+        callbacks.logger = ctypes.cast(library.load().cosim_log, fmi2CallbackLoggerTYPE)
+        callbacks.allocateMemory = ctypes.cast(calloc, fmi2CallbackAllocateMemoryTYPE)
+        callbacks.freeMemory = ctypes.cast(free, fmi2CallbackFreeMemoryTYPE)
+        callbacks.componentEnvironment = ctypes.addressof(self._log)
         return callbacks
 
     @property
@@ -78,7 +78,8 @@ class Instance:
 
     def last_words(self) -> str:
         """What the unit logged last, to end an error message with."""
-        return f": {self.log[-1]}" if self.log else ""
+        said = " ".join(self._log.last.decode("utf-8", "replace").split())
+        return f": {said}" if said else ""
 
     @contextmanager
     def explained(self, what: str) -> Iterator[None]:
@@ -98,7 +99,7 @@ class Instance:
 
     def reset(self) -> None:
         """To the state after instantiation; a unit that cannot is instantiated anew."""
-        self.log.clear()
+        self._log.last = b""
         if self._fresh:
             self._fresh = False
             return

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 import ctypes
-import os
-import sys
 from ctypes import POINTER, c_char_p, c_double, c_int32, c_int64, c_size_t, c_uint32, c_void_p
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from orchestrator.cosim import library
 from orchestrator.cosim.instances import SimulationError
 from orchestrator.cosim.plan import Plan, PlannedUnit, Wire
 from orchestrator.cosim.schemes import Scheme
-from orchestrator.data import PACKAGE
-
-LIBRARY = {"win32": "cosim_native.dll", "darwin": "libcosim_native.dylib"}.get(sys.platform, "libcosim_native.so")
 
 
 class _Wire(ctypes.Structure):
@@ -139,7 +134,7 @@ class Master:
         ticks_per_record: int,
         max_stride: int,
     ) -> None:
-        self._library = library()
+        self._library = _typed_library()
         self._tables = tables
         self._samples = (np.ascontiguousarray(sample_time), np.ascontiguousarray(samples))
         for unit, planned in zip(tables.units, tables.plan.units, strict=True):
@@ -205,16 +200,13 @@ class Master:
         raise SimulationError(message + (failed.last_words() if failed else ""))
 
 
+def _wires(wires: tuple[Wire, ...]) -> ctypes.Array[_Wire]:
+    return (_Wire * len(wires))(*(_Wire(w.signal, w.factor, w.offset) for w in wires))
+
+
 @cache
-def library() -> ctypes.CDLL:
-    """The native master. FileNotFoundError: it was not built."""
-    named = os.environ.get("COBOT_JOINT_LIBRARY")
-    places = ([Path(named)] if named else []) + [PACKAGE / "cosim" / LIBRARY, PACKAGE.parent / "build" / LIBRARY]
-    found = next((place for place in places if place.is_file()), None)
-    if found is None:
-        looked = ", ".join(str(place) for place in places)
-        raise FileNotFoundError(f"the native master is not built: looked for {looked}")
-    loaded = ctypes.CDLL(str(found))
+def _typed_library() -> ctypes.CDLL:
+    loaded = library.load()
     loaded.cosim_create.argtypes = [POINTER(_Plan)]
     loaded.cosim_create.restype = c_void_p
     loaded.cosim_destroy.argtypes = [c_void_p]
@@ -227,7 +219,3 @@ def library() -> ctypes.CDLL:
     loaded.cosim_counters.argtypes = [c_void_p, POINTER(_Counters)]
     loaded.cosim_counters.restype = None
     return loaded
-
-
-def _wires(wires: tuple[Wire, ...]) -> ctypes.Array[_Wire]:
-    return (_Wire * len(wires))(*(_Wire(w.signal, w.factor, w.offset) for w in wires))

@@ -1,4 +1,5 @@
-/* y = k u, n_out = n_in + 1, b_out = not b_in; from fail_at on, steps fail as fail_as says (2 discard, 3 error; 1 warns) */
+/* y = k u, n_out = n_in + 1, b_out = not b_in; from fail_at on, steps fail as fail_as says
+ * (1 warns, 2 discard, 3 error, 9 takes the process with it) */
 enum { U, Y, K, FAIL_AT, FAIL_AS, REALS };
 #define STATES 0
 #define INPUTS (1u << U)
@@ -13,6 +14,7 @@ static void outputs(values *v) {
 }
 static fmi2Status step_status(unit *m, double t, double h) {
   if (t + h <= m->v.r[FAIL_AT]) return fmi2OK;
+  if (m->v.r[FAIL_AS] == 9) abort();
   m->call.logger(m->call.componentEnvironment, m->name, (fmi2Status)m->v.r[FAIL_AS], "logStatus", "no more after %g s",
                  m->v.r[FAIL_AT]);
   return (fmi2Status)m->v.r[FAIL_AS];

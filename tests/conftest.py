@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
+sys.path.append(str(ROOT))  # last, so that an installed package goes first; worker processes inherit it and find `tests`
 
 
 @pytest.fixture(scope="session")

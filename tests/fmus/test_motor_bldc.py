@@ -74,7 +74,7 @@ def test_no_load_deviation_lies_within_the_data_sheets_rounding(make: Make) -> N
 
 def test_steady_state_solves_the_equations(no_load: Any) -> None:
     w, i = no_load["w"], no_load["i"]
-    assert 24.0 == pytest.approx(R * i + K * w, rel=1e-7)
+    assert R * i + K * w == pytest.approx(24, rel=1e-7)
     assert K * i == pytest.approx(TAU_C * np.tanh(w) + D * w, rel=1e-5)
 
 

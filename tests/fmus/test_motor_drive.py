@@ -76,7 +76,7 @@ def test_speed_stays_at_6000_rpm(make: Make, mode: int, sign: int) -> None:
 
 
 def test_current_loop_does_not_wind_up_at_the_voltage_limit(make: Make) -> None:
-    """24 V drive 0.5 A at 1030 rad/s and 3 A are out of reach; the current returns at once for all the time of trying"""
+    """24 V drive 0.5 A at 1030 rad/s and 3 A are out of reach; all the same the current returns at once"""
     motor = make("motor_bldc", {**CURRENT_MODE, "set_value": 3.0, "w": 1030.0, "drive.w_max": 0.0, **HELD})
     motor.step(5.0)
     assert motor["v"] == 24

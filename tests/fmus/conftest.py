@@ -27,6 +27,8 @@ Values = Mapping[str, float]
 Signals = dict[str, np.ndarray]
 Signal = Callable[[float], float]
 
+LOGGERS: list[fmi2CallbackFunctions] = []  # FMPy's proxy goes on calling the last one given to it, for any FMU
+
 
 class Slave:
     """An instantiated FMU. Names of variables in place of references; `log` holds what it said."""
@@ -53,6 +55,7 @@ class Slave:
         callbacks.allocateMemory = fmi2CallbackAllocateMemoryTYPE(calloc)
         callbacks.freeMemory = fmi2CallbackFreeMemoryTYPE(free)
         addLoggerProxy(ctypes.byref(callbacks))
+        LOGGERS.append(callbacks)
         return callbacks
 
     def initialise(self, start: Values | None = None, tolerance: float | None = None) -> Slave:

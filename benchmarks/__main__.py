@@ -39,12 +39,14 @@ def _cost(arguments: argparse.Namespace) -> list[Row]:
     return rows
 
 
-def _machine() -> dict[str, str | int | None]:
+def _machine() -> dict[str, object]:
     model = platform.processor()
     if Path("/proc/cpuinfo").exists():
         lines = Path("/proc/cpuinfo").read_text().splitlines()
         model = next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), model)
-    return {"cpu": model, "cores": os.cpu_count(), "system": platform.system(), "python": platform.python_version()}
+    load = os.getloadavg() if hasattr(os, "getloadavg") else None
+    machine: dict[str, object] = {"cpu": model, "cores": os.cpu_count(), "load": load, "system": platform.system()}
+    return machine | {"python": platform.python_version()}
 
 
 def show(rows: list[Row], console: Console) -> None:

@@ -72,7 +72,9 @@ def main() -> None:
                 table = inputs(v, tau)
                 loop = three_phase(table, 5e-5, Setup.MOTOR_ALONE, locate=True)
                 legs = (loop["charge"][-1] - loop["charge"][SETTLED]) / ((len(table) - 1 - SETTLED) * SAMPLE)
-                driven = Inputs(np.arange(len(table)) * SAMPLE, {"set_value": table[:, 0], "tau": table[:, 2]})
+                driven = Inputs(
+                    np.arange(len(table), dtype=np.float64) * SAMPLE, {"set_value": table[:, 0], "tau": table[:, 2]}
+                )
                 unlimited = {f"motor.{name}": value for name, value in UNLIMITED.items()}
                 unit = simulation.run(driven, DURATION, parameters=unlimited).signals
                 figures = [legs / i, averages(loop)[0] / i, averages(loop)[1] / w]

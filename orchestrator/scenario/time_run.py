@@ -33,9 +33,9 @@ class Digest:
         """One chunk."""
         keep = slice(-self.n % self.stride, None, self.stride)
         self.n += len(time)
-        self.time.append(time[keep])
+        self.time.append(time[keep].copy())  # a view would keep the whole chunk
         for name, x in signals.items():
-            self.thinned.setdefault(name, []).append(x[keep])
+            self.thinned.setdefault(name, []).append(x[keep].copy())
             low, high, total, squares = self.moments.get(name, np.array([np.inf, -np.inf, 0.0, 0.0]))
             self.moments[name] = np.array([min(low, x.min()), max(high, x.max()), total + x.sum(), squares + x @ x])
 

@@ -1,0 +1,94 @@
+"""Systems to files, read back by us and by FMPy."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from fmpy.ssp.ssd import read_ssd, read_ssv
+
+from orchestrator.errors import UserError
+from orchestrator.system import System, load_system, with_parameters, write_ssd, write_ssp, write_ssv
+
+Pair = Callable[..., System]
+Wire = Callable[..., str]
+
+
+@pytest.fixture
+def system(pair: Pair, wire: Wire, line: str) -> System:
+    """Wires with and without conversion, a connector of its own, parameters of every type."""
+    wires = wire("motor.w", "meter.w") + wire("motor.T", "meter.T", line) + wire("meter.y", "speed")
+    connectors = '<ssd:Connector name="speed" kind="output"><ssc:Real unit="rad/s"/></ssd:Connector>'
+    units = '<ssc:Unit name="rad/s"><ssc:BaseUnit rad="1" s="-1"/></ssc:Unit>'
+    made = pair(wires, connectors=connectors, units=units)
+    return with_parameters(made, {"motor.R": 0.1, "motor.mode": "on", "motor.count": 4, "motor.enabled": "false"})
+
+
+def same(a: System, b: System) -> None:
+    assert a.connections == b.connections
+    assert a.outputs == b.outputs
+    assert [(c.name, c.parameters) for c in a.components] == [(c.name, c.parameters) for c in b.components]
+
+
+def test_system_survives_writing_and_reading(system: System, tmp_path: Path) -> None:
+    same(load_system(write_ssd(system, tmp_path / "again.ssd")), system)
+
+
+def test_wire_that_ignores_units_survives(pair: Pair, wire: Wire, tmp_path: Path) -> None:
+    system = pair(wire("motor.w", "meter.tau", suppressUnitConversion="true"))
+    same(load_system(write_ssd(system, tmp_path / "again.ssd")), system)
+
+
+def test_archive_holds_the_fmus_and_opens_elsewhere(system: System, tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    path = write_ssp(system, tmp_path / "elsewhere" / "all.ssp")
+    for name in ("motor.fmu", "meter.fmu"):
+        (tmp_path / name).unlink()
+    same(load_system(path), system)
+    with zipfile.ZipFile(path) as archive:
+        assert set(archive.namelist()) == {"SystemStructure.ssd", "resources/motor.fmu", "resources/meter.fmu"}
+
+
+def test_same_system_gives_the_same_bytes(system: System, tmp_path: Path) -> None:
+    first, second = (write_ssp(system, tmp_path / name).read_bytes() for name in ("a.ssp", "b.ssp"))
+    assert first == second
+
+
+def test_fmpy_reads_the_archive_as_we_meant_it(tmp_path: Path) -> None:
+    system = with_parameters(load_system("joint"), {"motor_bldc.winding.R": 0.22})
+    ssd = read_ssd(str(write_ssp(system, tmp_path / "joint.ssp")), validate=True)
+    assert [c.name for c in ssd.system.elements] == [c.name for c in system.components]
+    assert {c.source for c in ssd.system.elements} == {f"resources/{c.name}.fmu" for c in system.components}
+    read = {(c.startElement, c.startConnector, c.endElement, c.endConnector) for c in ssd.system.connections}
+    assert read == {(c.source_component, c.source, c.sink_component, c.sink) for c in system.connections}
+    values = ssd.system.elements[0].parameterBindings[0].parameterValues[0].parameters
+    assert [(p.name, p.value, p.unit) for p in values] == [("winding.R", "0.22", "Ohm")]
+
+
+def test_fmpy_reads_the_parameter_set(system: System, tmp_path: Path) -> None:
+    path = write_ssv(system.component("motor"), tmp_path / "motor.ssv")
+    values = {p.name: (p.type, p.value) for p in read_ssv(str(path)).parameters}
+    assert values == {
+        "R": ("Real", "0.1"),
+        "mode": ("Enumeration", "on"),
+        "count": ("Integer", "4"),
+        "enabled": ("Boolean", "false"),
+    }
+
+
+def test_two_different_fmus_of_one_name_are_refused(system: System, tmp_path: Path) -> None:
+    motor, meter = system.components
+    (tmp_path / "other").mkdir()
+    other = replace(meter.unit, path=tmp_path / "other" / "motor.fmu")
+    with pytest.raises(UserError, match=r"two different FMUs are called motor\.fmu"):
+        write_ssp(replace(system, components=(motor, replace(meter, unit=other))), tmp_path / "x.ssp")
+
+
+def test_system_that_does_not_check_is_not_written(system: System, tmp_path: Path) -> None:
+    doubled = replace(system, connections=(*system.connections, system.connections[0]))
+    with pytest.raises(UserError, match="two sources feed one sink"):
+        write_ssd(doubled, tmp_path / "x.ssd")
+    assert not (tmp_path / "x.ssd").exists()

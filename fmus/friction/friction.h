@@ -4,9 +4,15 @@
 
 #include "fmi2/unit.h"
 
+/* what Coulomb friction follows: the sign of the speed, and for the share that bristles carry, their deflection */
+static inline double friction_direction(const Unit *m, double w) {
+  const double direction = sgn(w, m->friction_w_C);
+  return direction + m->presliding_share * (m->z - direction);
+}
+
 static inline double friction(Unit *m, double w) {
   const double direction = sgn(w, m->friction_w_C);
-  double tau_C = m->friction_tau_C * direction;
+  const double tau_C = m->friction_tau_C * friction_direction(m, w);
   double d = m->friction_d;
   double tau = 0;
 
@@ -16,10 +22,7 @@ static inline double friction(Unit *m, double w) {
   if (m->windage_c != 0) tau += m->windage_c * w * fabs(w);
   if (m->friction_asymmetry_tau_A != 0) tau += m->friction_asymmetry_tau_A * direction * direction;
   if (m->viscous_warmup_fade != 0) d -= m->friction_d * m->viscous_warmup_fade * (1 - exp(-m->time / m->viscous_warmup_T));
-  if (m->presliding_share != 0) {
-    m->der_z = (w - fabs(w) * m->z) / m->presliding_phi_s;
-    tau_C += m->presliding_share * m->friction_tau_C * (m->z - direction);
-  }
+  if (m->presliding_share != 0) m->der_z = (w - fabs(w) * m->z) / m->presliding_phi_s;
   return tau_C + d * w + tau;
 }
 

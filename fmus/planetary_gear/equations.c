@@ -39,7 +39,7 @@ static void unit_equations(Unit *m) {
   /* tau = tau_g/N (m/eta + (1 - m) eta) + tau_f, eq. 2.26 in both directions of power */
   const double forward = (1 + tanh(tau_g * m->w / m->mesh_P_0)) / 2;
   double tau_f = friction(m, m->w);
-  if (m->load_friction_mu != 0) tau_f += m->load_friction_mu * fabs(tau_g) / fabs(N) * sgn(m->w, m->friction_w_C);
+  if (m->load_friction_mu != 0) tau_f += m->load_friction_mu * fabs(tau_g) / fabs(N) * friction_direction(m, m->w);
   m->tau = tau_g / N * (forward / m->mesh_eta + (1 - forward) * m->mesh_eta) + tau_f - m->tau_add;
 
   /* J_o dw_o/dt = tau_g - tau_s, eq. 2.30 */

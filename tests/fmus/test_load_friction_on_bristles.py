@@ -33,6 +33,7 @@ def test_load_friction_builds_up_with_the_way_for_the_share_that_bristles_carry(
         "tau_s": tau_g,
     }
     out = simulate_fmu(str(fmu("planetary_gear")), stop_time=1.0, output_interval=0.01, start_values=start)
+    out = out[1:]  # the flanks touch in the first step
     z = 1 - np.exp(-w * out["time"] / phi_s)  # dz/dt = (w - |w| z)/phi_s
     loss = out["tau"] - out["tau_g"] / N
     np.testing.assert_allclose(loss, mu * tau_g / N * (1 - share + share * z), rtol=1e-3)

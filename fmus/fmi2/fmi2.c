@@ -364,6 +364,13 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2Value
   return fmi2OK;
 }
 
+/* states, integrals, inputs and outputs are numbers */
+static bool all_finite(const Unit *m) {
+  bool lost = false;
+  for (int i = 0; i < N_X + N_INPUT + N_OUTPUT; i++) lost |= !(fabs(m->real[i]) <= DBL_MAX);
+  return !lost;
+}
+
 fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boolean no_rollback) {
   NEEDS(STEPPING);
   (void)no_rollback;
@@ -383,6 +390,7 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
     m->u[j].fresh = 0;
   }
   const char *trouble = integrate(m, t + h);
+  if (!trouble && !all_finite(m)) trouble = "a variable left the range of numbers";
   if (trouble) {
     c->phase = FAILED;
     FAIL(c, "fmi2DoStep: from %g s by %g s: %s", t, h, trouble);

@@ -58,12 +58,14 @@ static inline double rk_step(Unit *m, double t, double h, const double x0[], con
   for (int i = 0; i < N_X; i++) x[i] = x0[i] + h / 9 * (2 * k1[i] + 3 * k2[i] + 4 * (k3[i] = der[i]));
   evaluate(m, t + h);
   double worst = 0;
+  bool lost = false; /* a number among them that is none */
   for (int i = 0; i < N_STATE; i++) {
     const double e = h / 72 * (-5 * k1[i] + 6 * k2[i] + 8 * k3[i] - 9 * der[i]);
     const double r = fabs(e) / (m->tolerance * REAL_INFO[i].nominal);
-    if (!(r <= worst)) worst = r; /* also catches NaN */
+    worst = r > worst ? r : worst;
+    lost |= !(r <= DBL_MAX);
   }
-  return worst;
+  return lost ? INFINITY : worst;
 }
 
 #if defined UNIT_EVENTS

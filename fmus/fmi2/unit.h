@@ -31,6 +31,11 @@ enum {
 #include "fmi2/rows.h"
 };
 enum {
+  N_OUTPUT = 0
+#define OUTPUT COUNT_ROW
+#include "fmi2/rows.h"
+};
+enum {
   N_EVENT = 0
 #define EVENT COUNT_ROW
 #include "fmi2/rows.h"

@@ -12,7 +12,15 @@ from fmpy.validation import validate_fmu
 
 from orchestrator.units import Unit, find_fmu, load_unit
 
-UNITS = ("motor_bldc", "planetary_gear", "torque_sensor", "mr_brake_belt", "acquisition")
+UNITS = (
+    "motor_bldc",
+    "planetary_gear",
+    "torque_sensor",
+    "mr_brake_belt",
+    "acquisition",
+    "position_loop",
+    "driven_load",
+)
 TERMS = [(name, term.name) for name in UNITS for term in load_unit(find_fmu(f"{name}.fmu")).terms]
 
 Make = Callable[..., Any]
@@ -25,7 +33,11 @@ EXCITATION = {
     "torque_sensor": {"phi_o": (0.01, 0.004, 20.0), "phi_p": (0.004, 0.003, 33.0), "w_o": (0.1, 0.2, 20.0)},
     "mr_brake_belt": {"tau_s": (0.3, 2.0, 15.0), "i_b": (0.3, 0.3, 11.0), "tau_h": (0.1, 0.1, 7.0)},
     "acquisition": {"i_motor": (0.1, 1.0, 20.0), "w_motor": (100.0, 50.0, 9.0), "tau_sensor": (1.0, 2.0, 31.0)},
+    "position_loop": {"phi_ref": (0.0, 0.1, 20.0), "phi": (0.0, 0.05, 30.0), "w": (0.0, 0.3, 15.0)},
+    "driven_load": {"tau": (0.1, 0.3, 20.0), "w_imposed": (1.0, 2.0, 20.0)},
 }
+BASE = {"driven_load": {"friction.tau_C": 0.05, "friction.d": 0.02}}  # what its terms change is zero as it starts
+VARIANTS = {"driven_load": [{"motion.source": 2}]}  # settings under which other inputs feed through
 ON = {"presliding.share": 0.5, "sublinear_viscous.x": 0.5, "viscous_warmup.fade": 0.5, "backlash.b_x": 0.002}
 
 
@@ -33,6 +45,12 @@ def amplitude_on(unit: Unit, name: str) -> float:
     """A value of a term's amplitude that shows."""
     _, high = unit.bounds_of(name)
     return ON.get(name, 0.01 * min(1.0, high or 1.0))
+
+
+@pytest.fixture
+def make(make: Make) -> Make:
+    """As everywhere, with what a unit needs for its terms to have something to act on."""
+    return lambda name, start=None, **setup: make(name, {**BASE.get(name, {}), **(start or {})}, **setup)
 
 
 def excite(slave: Any, end: float = 0.4, h: float = 2e-3) -> np.ndarray:
@@ -159,7 +177,7 @@ def test_feed_through_is_what_the_model_description_declares(load: Load, make: M
     }
     terms_on = {t.amplitude: amplitude_on(unit, t.amplitude) for t in unit.terms if t.amplitude}
     measured = set()
-    for start in ({}, terms_on):
+    for start in ({}, terms_on, *VARIANTS.get(name, [])):
         slave = make(name, start)
         for _ in range(5):
             excite(slave, end=0.08)
@@ -223,7 +241,7 @@ def test_reset_starts_over(make: Make, name: str) -> None:
     slave = make(name)
     first = excite(slave)
     slave.fmu.reset()
-    slave.initialise()
+    slave.initialise(BASE.get(name))
     np.testing.assert_array_equal(excite(slave), first)
 
 

@@ -7,7 +7,7 @@ static void unit_start(Unit *m) {
 
 static void unit_equations(Unit *m) {
   /* couplings in series with the shaft */
-  const double c = 1 / (1 / m->shaft_c_s + m->shaft_s_o + m->shaft_s_p);
+  const double c = m->shaft_c_s / (1 + m->shaft_c_s * (m->shaft_s_o + m->shaft_s_p));
   const double tau_s = c * (m->phi_o - m->phi_p) + m->shaft_d_s * (m->w_o - m->w_p);
   m->tau_s = tau_s;
 

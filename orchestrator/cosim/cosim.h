@@ -53,6 +53,11 @@ typedef struct {
   int32_t output_derivatives;
 } Unit;
 
+typedef struct { /* work through two flanges that are wired together, J; power: what counts as much, W */
+  int32_t given, taken;
+  double power;
+} Flow;
+
 typedef struct { /* schemes.py says what the fields mean */
   int32_t sequential, extrapolation, interpolation, sweeps, adaptive;
   double tolerance;
@@ -63,7 +68,9 @@ typedef struct {
   const Unit *units;
   size_t n_outputs, n_inputs; /* signals of the units, signals of the system's inputs */
   const double *nominal;      /* of every unit signal: scales the coupling error */
-  const int32_t *feedback;    /* of every unit signal: 1 where a unit reads it before it is known */
+  const int32_t *judged;      /* of every unit signal: 1 where straying from what was expected is a coupling error */
+  size_t n_flows;
+  const Flow *flows; /* energy that one unit gives and another takes: a difference is a coupling error, too */
   size_t n_samples;
   const double *sample_time; /* [n_samples], rising; inputs are linear between samples and held outside */
   const double *samples;     /* [n_inputs][n_samples] */
@@ -72,6 +79,8 @@ typedef struct {
   double start_time, step;
   int64_t ticks_per_record; /* a row is recorded at every multiple */
   int64_t max_stride;       /* longest step in ticks: a power of two; 1 unless the scheme is adaptive */
+  size_t n_breaks;
+  const int64_t *breaks; /* [n_breaks], rising: ticks that no longer step may pass over, since inputs turn there */
   Scheme scheme;
 } Plan;
 

@@ -55,6 +55,10 @@ class _Unit(ctypes.Structure):
     ]
 
 
+class _Flow(ctypes.Structure):
+    _fields_ = [("given", c_int32), ("taken", c_int32), ("power", c_double)]
+
+
 class _Scheme(ctypes.Structure):
     _fields_ = [
         *((field, c_int32) for field in ("sequential", "extrapolation", "interpolation", "sweeps", "adaptive")),
@@ -69,7 +73,9 @@ class _Plan(ctypes.Structure):
         ("n_outputs", c_size_t),
         ("n_inputs", c_size_t),
         ("nominal", POINTER(c_double)),
-        ("feedback", POINTER(c_int32)),
+        ("judged", POINTER(c_int32)),
+        ("n_flows", c_size_t),
+        ("flows", POINTER(_Flow)),
         ("n_samples", c_size_t),
         ("sample_time", c_void_p),
         ("samples", c_void_p),
@@ -79,6 +85,8 @@ class _Plan(ctypes.Structure):
         ("step", c_double),
         ("ticks_per_record", c_int64),
         ("max_stride", c_int64),
+        ("n_breaks", c_size_t),
+        ("breaks", c_void_p),
         ("scheme", _Scheme),
     ]
 
@@ -98,7 +106,8 @@ class Tables:
         self._alive: list[object] = []  # arrays that the structures point into
         self.units = (_Unit * len(plan.units))(*(self._unit(unit) for unit in plan.units))
         self.nominal = (c_double * len(plan.nominal))(*plan.nominal)
-        self.feedback = (c_int32 * len(plan.feedback))(*plan.feedback)
+        self.judged = (c_int32 * len(plan.judged))(*plan.judged)
+        self.flows = (_Flow * len(plan.flows))(*(_Flow(f.given, f.taken, f.power) for f in plan.flows))
         self.recorded = _wires(plan.recorded)
 
     def _unit(self, planned: PlannedUnit) -> _Unit:
@@ -121,7 +130,7 @@ class Tables:
 
 
 class Master:
-    """native.c over one plan. `sample_time`: float64[n]; `samples`: float64[len(plan.inputs), n]."""
+    """native.c over one plan. `sample_time`: float64[n]; `samples`: float64[len(plan.inputs), n]; see cosim.h."""
 
     def __init__(
         self,
@@ -133,10 +142,11 @@ class Master:
         step: float,
         ticks_per_record: int,
         max_stride: int,
+        breaks: NDArray[np.int64],
     ) -> None:
         self._library = _typed_library()
         self._tables = tables
-        self._samples = (np.ascontiguousarray(sample_time), np.ascontiguousarray(samples))
+        self._arrays = (np.ascontiguousarray(sample_time), np.ascontiguousarray(samples), breaks)
         for unit, planned in zip(tables.units, tables.plan.units, strict=True):
             unit.component = planned.instance.fmu.component
         plan = _Plan(
@@ -145,16 +155,20 @@ class Master:
             n_outputs=tables.plan.n_outputs,
             n_inputs=len(tables.plan.inputs),
             nominal=tables.nominal,
-            feedback=tables.feedback,
+            judged=tables.judged,
+            n_flows=len(tables.flows),
+            flows=tables.flows,
             n_samples=len(sample_time),
-            sample_time=self._samples[0].ctypes.data,
-            samples=self._samples[1].ctypes.data,
+            sample_time=self._arrays[0].ctypes.data,
+            samples=self._arrays[1].ctypes.data,
             n_recorded=len(tables.recorded),
             recorded=tables.recorded,
             start_time=start_time,
             step=step,
             ticks_per_record=ticks_per_record,
             max_stride=max_stride,
+            n_breaks=len(breaks),
+            breaks=breaks.ctypes.data,
             scheme=_Scheme(
                 scheme.sequential,
                 scheme.extrapolation,

@@ -6,11 +6,12 @@ recorded; Real, Integer, Boolean within each), then the system's own inputs.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from fmpy.model_description import ModelVariable
 
+from orchestrator.cosim.energy import MechanicalConnection, mechanical_connections
 from orchestrator.cosim.instances import Instance, SimulationError
 from orchestrator.cosim.schemes import Scheme
 from orchestrator.errors import UserError, among
@@ -27,6 +28,15 @@ class Wire:
     signal: int
     factor: float = 1.0
     offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class Flow:
+    """Work through two flanges that are wired together: signals of what is given and taken, J; nominal power, W."""
+
+    given: int
+    taken: int
+    power: float
 
 
 @dataclass(frozen=True)
@@ -64,16 +74,22 @@ class Plan:
     n_outputs: int
     inputs: tuple[str, ...]
     nominal: tuple[float, ...]
-    feedback: tuple[bool, ...]
+    judged: tuple[bool, ...]
+    flows: tuple[Flow, ...]
     recorded: tuple[Wire, ...]
     names: tuple[str, ...]
 
 
 def make_plan(
-    system: System, instances: Sequence[Instance], scheme: Scheme, inputs: Sequence[str], record: Sequence[str]
+    system: System,
+    instances: Sequence[Instance],
+    scheme: Scheme,
+    inputs: Sequence[str],
+    record: Sequence[str],
+    dense: bool = False,
 ) -> Plan:
     """`inputs`: the system's inputs that have samples; `record`: names as in Result.signals: the system's outputs and
-    inputs, and `component.variable`.
+    inputs, and `component.variable`. `dense`: rows inside of steps are recorded, so all signals are followed.
 
     UserError: a name that the system does not have. SimulationError: the scheme needs what a unit cannot do.
     """
@@ -83,7 +99,13 @@ def make_plan(
     driven = [c for c in system.connections if c.sink_component and (c.source_component or c.source in inputs)]
     read = {(c.source_component, c.source) for c in driven}
     taps = {name: _tap(system, name, inputs) for name in record}
-    watched = {(c.source_component, c.source) for c in taps.values() if c} - read
+    shafts = mechanical_connections(system) if scheme.adaptive else []
+    for shaft in shafts:
+        read |= {(shaft.giver, shaft.gives.W), (shaft.taker, shaft.takes.W)}
+    tapped = {(c.source_component, c.source) for c in taps.values() if c}
+    if dense:
+        read |= tapped
+    watched = tapped - read
 
     numbers: dict[tuple[str | None, str], int] = {}
     columns = []
@@ -108,7 +130,8 @@ def make_plan(
         n_outputs=n_outputs,
         inputs=tuple(inputs),
         nominal=tuple(abs(float(v.nominal or 1.0)) if v.type == "Real" else 1.0 for v in variables),
-        feedback=_feedback(units, n_outputs, scheme),
+        judged=_judged(units, n_outputs, scheme),
+        flows=tuple(_flow(system, shaft, numbers) for shaft in shafts),
         recorded=tuple(Wire(numbers[c.source_component, c.source], c.factor, c.offset) for c in taps.values() if c),
         names=tuple(name for name, c in taps.items() if c),
     )
@@ -186,15 +209,22 @@ def _is_static(instance: Instance) -> bool:
     return feeds_through and not instance.description.derivatives
 
 
-def _feedback(units: tuple[PlannedUnit, ...], n_outputs: int, scheme: Scheme) -> tuple[bool, ...]:
-    """Signals that a unit reads before their own unit has stepped."""
+def _judged(units: tuple[PlannedUnit, ...], n_outputs: int, scheme: Scheme) -> tuple[bool, ...]:
+    """Signals that a unit reads before their own unit has stepped; where steps adapt, all that are read."""
     owner = [i for i, unit in enumerate(units) for _ in range(unit.n_signals)]
-    fed_back = [False] * n_outputs
+    judged = [False] * n_outputs
     for reader, unit in enumerate(units):
         for wire in unit.wires:
-            if wire.signal < n_outputs and (not scheme.sequential or owner[wire.signal] >= reader):
-                fed_back[wire.signal] = True
-    return tuple(fed_back)
+            if wire.signal < n_outputs and (scheme.adaptive or not scheme.sequential or owner[wire.signal] >= reader):
+                judged[wire.signal] = True
+    return tuple(judged)
+
+
+def _flow(system: System, shaft: MechanicalConnection, numbers: Mapping[tuple[str | None, str], int]) -> Flow:
+    nominal = [
+        float(system.component(shaft.giver).unit.variables[v].nominal or 1.0) for v in (shaft.gives.w, shaft.gives.tau)
+    ]
+    return Flow(numbers[shaft.giver, shaft.gives.W], numbers[shaft.taker, shaft.takes.W], abs(nominal[0] * nominal[1]))
 
 
 def _check_abilities(scheme: Scheme, instances: Sequence[Instance]) -> None:

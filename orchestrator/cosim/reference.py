@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,8 @@ from orchestrator.cosim.schemes import Scheme
 Polynomial = tuple[
     float, float, float, float
 ]  # a0 + a1 s + a2 s^2 + a3 s^3, s: time since the present communication point
+
+CALM = 8  # steps after one that was taken back, before steps may grow again
 
 
 @dataclass
@@ -41,12 +44,14 @@ class Master:
         step: float,
         ticks_per_record: int,
         max_stride: int,
+        breaks: NDArray[np.int64],
     ) -> None:
         self.plan, self.scheme = plan, scheme
         self.sample_time = [float(t) for t in sample_time]
         self.samples = [[float(x) for x in row] for row in samples]
         self.start_time, self.step_size = start_time, step
         self.ticks_per_record, self.max_stride = ticks_per_record, max_stride
+        self.breaks = [int(tick) for tick in breaks]
         self.y = [0.0] * plan.n_outputs
         self.dy = [0.0] * plan.n_outputs
         self.expected = [0.0] * plan.n_outputs
@@ -57,7 +62,7 @@ class Master:
 
     def begin(self, tick: int) -> None:
         """From the units' present state; forgets what signals did before."""
-        self.tick, self.stride, self.known = tick, 1, 1
+        self.tick, self.stride, self.known, self.calm = tick, 1, 1, 0
         self.sample = self._sample_before(0, self._time(tick))
         for unit in self.plan.units:
             self._get_outputs(unit)
@@ -65,14 +70,12 @@ class Master:
 
     def advance(self, tick: int, rows: NDArray[np.float64]) -> None:
         """On to `tick`; `rows`: float64[recorded points passed, recorded signals], filled."""
-        row = 0
+        remaining = iter(rows)
         while self.tick < tick:
-            while self.stride > tick - self.tick:
-                self.stride //= 2
-            self._step()
+            self._limit_stride(tick)
+            self._step(remaining)
             if self.tick % self.ticks_per_record == 0:
-                self.record(rows[row])
-                row += 1
+                self.record(next(remaining))
 
     def record(self, row: NDArray[np.float64]) -> None:
         """The present point; `row`: float64[recorded signals], filled."""
@@ -95,7 +98,7 @@ class Master:
 
     # Steps
 
-    def _step(self) -> None:
+    def _step(self, rows: Iterator[NDArray[np.float64]]) -> None:
         scheme = self.scheme
         states = [unit.instance.fmu.getFMUstate() for unit in self.plan.units] if scheme.rolls_back else []
         t, error = self._time(self.tick), 0.0
@@ -106,7 +109,7 @@ class Master:
             self._follow_inputs(t, self._time(self.tick + self.stride), h)
             self._sweep(t, h)
             for _ in range(1, scheme.sweeps):
-                if self._coupling_error() <= 1:
+                if self._coupling_error(h) <= 1:
                     break
                 if not scheme.sequential:
                     for unit in self.plan.units:
@@ -115,15 +118,17 @@ class Master:
                 self._sweep(t, h)
             if not scheme.adaptive:
                 break
-            error = self._coupling_error()
+            error = self._coupling_error(h)
             if error <= 1 or self.stride == 1:
                 break
             self._restore(states)
             self.stride //= 2
+            self.calm = 0
             self.count["rejected"] += 1
         for unit, state in zip(self.plan.units, states, strict=False):
             unit.instance.fmu.freeFMUstate(state)
-        self._accept(self.stride * self.step_size)
+        self._record_inside(h, rows)
+        self._accept(h)
         if scheme.adaptive:
             self._choose_stride(error)
 
@@ -166,11 +171,38 @@ class Master:
         self.count["steps"] += 1
 
     def _choose_stride(self, error: float) -> None:
-        """Error grows as step to the power extrapolation + 1; strides are powers of two, aligned to themselves."""
+        """Strides are powers of two, aligned to themselves. The error grows as step to the power extrapolation + 1.
+
+        After a step was taken back, growth waits, lest the coupling be tried at its limit of stability over and over.
+        """
         room = 2.0 ** (self.scheme.extrapolation + 1)
         doubled = 2 * self.stride
-        if error * room < 0.5 and doubled <= self.max_stride and self.tick % doubled == 0:
+        self.calm += 1
+        aligned = doubled <= self.max_stride and self.tick % doubled == 0
+        if self.calm > CALM and error * room < 0.5 and aligned:
             self.stride = doubled
+
+    def _limit_stride(self, tick: int) -> None:
+        """No longer than to `tick` or, for long steps, to where an input turns."""
+        most = tick - self.tick
+        if self.scheme.adaptive:
+            most = min([most, *(turn - self.tick for turn in self.breaks if turn > self.tick)])
+        while self.stride > most:
+            self.stride //= 2
+
+    def _record_inside(self, h: float, rows: Iterator[NDArray[np.float64]]) -> None:
+        """Rows at recorded ticks inside the step just computed, from the signals' interpolants."""
+        every = self.ticks_per_record
+        if self.stride <= every:
+            return
+        if not self.scheme.sequential:
+            for unit in self.plan.units:
+                self._interpolate(unit, h)
+        for tick in range((self.tick // every + 1) * every, self.tick + self.stride, every):
+            s = (tick - self.tick) * self.step_size
+            row = next(rows)
+            for j, wire in enumerate(self.plan.recorded):
+                row[j] = wire.factor * value(self.p[wire.signal], s) + wire.offset
 
     # One unit
 
@@ -249,17 +281,25 @@ class Master:
             begin, end = self._sample_at(samples, self.sample, t), self._sample_at(samples, k_end, t_end)
             self.p[self.plan.n_outputs + j] = line(begin, end, h)
 
-    def _coupling_error(self) -> float:
-        """How far off the readers' expectation was, in units of the tolerance; then they expect what came out."""
-        worst = 0.0
-        for s, fed_back in enumerate(self.plan.feedback):
-            if not fed_back:
+    def _coupling_error(self, h: float) -> float:
+        """Off by how many tolerances: the worst of what readers expected of signals (then they expect what came out).
+
+        Also of energy that one unit gave and the next did not take in a step of length h: it tells of impacts that are
+        over before the step is.
+        """
+        worst, tolerance = 0.0, self.scheme.tolerance
+        for s, judged in enumerate(self.plan.judged):
+            if not judged:
                 continue
-            allowed = self.scheme.tolerance * (self.plan.nominal[s] + abs(self.y[s]))
-            error = abs(self.y[s] - self.expected[s]) / allowed
+            error = abs(self.y[s] - self.expected[s]) / (tolerance * (self.plan.nominal[s] + abs(self.y[s])))
             if not error <= worst:  # NaN counts as worst
                 worst = error
             self.expected[s] = self.y[s]
+        for flow in self.plan.flows:
+            given, taken = (self.y[s] - self.past[s].y for s in (flow.given, flow.taken))
+            error = abs(given - taken) / (tolerance * (flow.power * h + abs(given)))
+            if not error <= worst:
+                worst = error
         return worst
 
     # Time

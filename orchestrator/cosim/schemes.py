@@ -18,11 +18,12 @@ class Scheme:
     sweeps         most passes per step; each after the first starts from the saved FMU states, on the last pass's
                    interpolants, and only where a signal that feeds back moved by more than
                    `tolerance`*(nominal + |value|)
-    adaptive       a step on which such a signal strays further than that from its continuation is taken back and
-                   halved; steps double, up to the given one, where there is room
+    adaptive       a step on which a signal strays further than that from its continuation, or on which a unit does
+                   not take the energy that its neighbour gives, is taken back and halved; steps double where there
+                   is room
     tolerance      1; of `sweeps` and `adaptive`
-    step           s; the one that is used where none is given
-    halvings       of `step` that an adaptive scheme may go down
+    step           s; the one that is used where none is given; of an adaptive scheme the longest
+    shortest       s; step of an adaptive scheme, or somewhat below, so that doubled steps meet recorded points
     """
 
     name: str
@@ -34,7 +35,7 @@ class Scheme:
     adaptive: bool = False
     tolerance: float = 1e-4
     step: float = 5e-4
-    halvings: int = 0
+    shortest: float = 2e-5
 
     @property
     def rolls_back(self) -> bool:
@@ -69,8 +70,7 @@ _ALL = (
         extrapolation=2,
         interpolation=3,
         adaptive=True,
-        step=1e-3,
-        halvings=6,
+        step=16e-3,
     ),
 )
 

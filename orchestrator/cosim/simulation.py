@@ -60,14 +60,31 @@ def make_clock(scheme: Scheme, start: float, stop: float, step: float | None, ou
     """`step` of None: the scheme's own, or the next below that divides `output_step`. UserError: times do not fit."""
     if not (output_step > 0 and math.isfinite(stop) and stop >= start):
         raise UserError(f"start {start:g} s, stop {stop:g} s, output step {output_step:g} s: time has to go forward")
-    if step is not None and step <= 0:
+    if step is not None and not 0 < step < math.inf:
         raise UserError(f"step {step:g} s is given, it has to be positive")
-    per_row = max(1, math.ceil(output_step / (step or scheme.step) - 1e-9))
+    longest = step or scheme.step
+    rows = math.floor((stop - start) / output_step + 1e-6) + 1
+    if scheme.adaptive:  # ticks that divide output_step by powers of two, strides of such powers
+        per_row = 2 ** max(0, math.ceil(math.log2(output_step / min(scheme.shortest, longest)) - 1e-9))
+        tick = output_step / per_row
+        return Clock(start, tick, per_row, 2 ** max(0, math.floor(math.log2(longest / tick) + 1e-9)), rows)
+    per_row = max(1, math.ceil(output_step / longest - 1e-9))
     if step is not None and abs(per_row * step - output_step) > 1e-9 * output_step:
         raise UserError(f"step {step:g} s is given, the output step {output_step:g} s has to be a multiple of it")
-    stride = 2**scheme.halvings if scheme.adaptive else 1
-    ticks = per_row * stride
-    return Clock(start, output_step / ticks, ticks, stride, math.floor((stop - start) / output_step + 1e-6) + 1)
+    return Clock(start, output_step / per_row, per_row, 1, rows)
+
+
+def turns(inputs: Inputs, clock: Clock) -> NDArray[np.int64]:
+    """Ticks next to where an input's slope changes: before the first sample and after the last it is 0."""
+    t, found = inputs.time, np.zeros(len(inputs.time), dtype=bool)
+    for samples in inputs.values.values():
+        slopes = np.concatenate([[0.0], np.diff(samples) / np.diff(t), [0.0]])
+        rounding = 1e-9 * np.max(np.abs(samples), initial=0.0) / np.min(np.diff(t), initial=np.inf)
+        found |= np.abs(np.diff(slopes)) > rounding
+    ticks = (t[found] - clock.start) / clock.step
+    near = np.round(ticks)
+    exact = np.abs(ticks - near) < 1e-6
+    return np.unique(np.concatenate([near[exact], np.floor(ticks[~exact]), np.ceil(ticks[~exact])])).astype(np.int64)
 
 
 class Simulation:
@@ -122,7 +139,8 @@ class Simulation:
     ) -> Result:
         """One run, all of it in memory.
 
-        `step`: s, the (longest) communication step, `output_step` a multiple of it; None: the scheme's own.
+        `step`: s, the communication step, `output_step` a multiple of it, or the longest of an adaptive scheme; None:
+        the scheme's own.
         `parameters`: `component.variable` -> value, over the system's; `parameter_events`: the same at times during the
         run, taking effect at the first communication point not before. `record`: the system's outputs and inputs and
         `component.variable`; None: the system's outputs. `progress`: called with (time, stop time) now and then.
@@ -194,17 +212,18 @@ class Simulation:
         record: Sequence[str] | None,
     ) -> tuple[Master, tuple[str, ...]]:
         wanted = tuple(self.system.outputs if record is None else record)
-        key = (scheme, tuple(inputs.values), wanted)
+        driven, dense = tuple(inputs.values), clock.stride > clock.per_row
+        key = (scheme, driven, wanted, dense)
         if key not in self._tables:
-            self._tables[key] = native.Tables(
-                make_plan(self.system, list(self._instances.values()), scheme, key[1], wanted)
-            )
+            plan = make_plan(self.system, list(self._instances.values()), scheme, driven, wanted, dense)
+            self._tables[key] = native.Tables(plan)
         tables = self._tables[key]
         samples = np.array(list(inputs.values.values()), dtype=np.float64).reshape(len(inputs.values), len(inputs.time))
         at_start = {name: float(np.interp(clock.start, inputs.time, row)) for name, row in inputs.values.items()}
         checked = check_parameters(self.system, parameters)
         initialise(self._order, self._instances, checked, at_start, clock.start, stop_time)
-        common = (scheme, inputs.time, samples, clock.start, clock.step, clock.per_row, clock.stride)
+        breaks = turns(inputs, clock) if scheme.adaptive else np.empty(0, dtype=np.int64)
+        common = (scheme, inputs.time, samples, clock.start, clock.step, clock.per_row, clock.stride, breaks)
         if self.engine == "native":
             return native.Master(tables, *common), tables.plan.names
         return reference.Master(tables.plan, *common), tables.plan.names

@@ -18,6 +18,7 @@ NOTHING = Inputs(np.array([0.0]))  # inputs keep their start values
 FOREIGN = [{"cubic": False}, {"interpolates": False}, {"slopes": False}]
 SPRING_C, SPRING_D, J = 1.0, 0.1, 1.0
 STOP = 20.0
+AT_REST = {"inertia.rotor.phi_0": 0.0}
 
 
 Z = SPRING_D / (2 * J)
@@ -42,8 +43,7 @@ def error_let_go(system: System, scheme: str | Scheme, step: float) -> float:
 
 def error_ramped(system: System, scheme: str | Scheme, step: float) -> float:
     ramp = Inputs(np.array([0.0, STOP]), {"tau_drive": np.array([0.0, STOP])})
-    at_rest = {"inertia.rotor.phi_0": 0.0}
-    result = simulate(system, ramp, STOP, scheme=scheme, step=step, output_step=0.1, parameters=at_rest)
+    result = simulate(system, ramp, STOP, scheme=scheme, step=step, output_step=0.1, parameters=AT_REST)
     return float(np.max(np.abs(result.signals["phi"] - ramped(result.time))))
 
 
@@ -86,16 +86,34 @@ def test_a_smaller_tolerance_makes_adaptive_steps_more_exact(make_oscillator: Ma
 def test_an_adaptive_run_takes_back_steps_after_a_jolt_and_rests_at_rest(make_oscillator: MakeSystem) -> None:
     system = make_oscillator()
     jolt = Inputs(np.array([0.0, 0.49, 0.5, 0.6, 0.61]), {"tau_drive": np.array([0.0, 0.0, 40.0, 40.0, 0.0])})
-    scheme = replace(SCHEMES["adaptive"], halvings=4)
+    scheme = replace(SCHEMES["adaptive"], shortest=0.1 / 16)
     with Simulation(system) as simulation:
-        simulation.run(jolt, 5.0, scheme=scheme, step=0.1, output_step=0.1)
+        simulation.run(jolt, 50.0, scheme=scheme, step=1.6, output_step=0.1)
         jolted = simulation.counters
-        simulation.run(NOTHING, 5.0, scheme=scheme, step=0.1, output_step=0.1, parameters={"inertia.rotor.phi_0": 0})
+        rest = simulation.run(NOTHING, 50.0, scheme=scheme, step=1.6, output_step=0.1, parameters=AT_REST)
         resting = simulation.counters
     assert jolted["rejected"] > 0
-    assert jolted["steps"] > resting["steps"]
-    assert resting["steps"] == 50 + scheme.halvings  # from the shortest step up to the longest
+    assert jolted["steps"] > 5 * resting["steps"]
+    assert resting["steps"] < 60  # 50/1.6, and the way up from the shortest step to the longest
     assert resting["rejected"] == 0
+    assert np.all(rest.signals["phi"] == 0)
+
+
+def test_rows_inside_long_steps_are_as_exact_as_the_steps(make_oscillator: MakeSystem) -> None:
+    scheme = replace(SCHEMES["adaptive"], tolerance=1e-5)
+    with Simulation(make_oscillator()) as simulation:
+        result = simulation.run(NOTHING, STOP, scheme=scheme, step=0.5, output_step=0.005)
+        assert simulation.counters["steps"] < 0.5 * len(result.time)
+    assert np.max(np.abs(result.signals["phi"] - let_go(result.time))) < 3e-5
+
+
+def test_adaptive_steps_end_where_inputs_turn(make_oscillator: MakeSystem) -> None:
+    pulse = Inputs(np.array([0.0, 3.3, 3.31, 3.32]), {"tau_drive": np.array([0.0, 0.0, 10.0, 0.0])})  # 0.1 N.m.s
+    result = simulate(
+        make_oscillator(), pulse, 4.0, scheme="adaptive", step=1.6, output_step=0.1, parameters=AT_REST, record=["w"]
+    )
+    assert np.max(np.abs(result.signals["w"][:34])) < 1e-12
+    assert result.signals["w"][34] == pytest.approx(0.1, rel=0.02)
 
 
 @pytest.mark.parametrize("name", SCHEMES)

@@ -1,0 +1,46 @@
+/* The master's own data, shared by native.c and unit.c. */
+#ifndef COSIM_MASTER_H
+#define COSIM_MASTER_H
+
+#include "cosim.h"
+#include "signals.h"
+
+typedef struct { /* what one unit needs beside its description: where its inputs' derivatives go */
+  fmi2ValueReference *refs;
+  fmi2Integer *orders; /* [n][input_order]: 1..input_order */
+  fmi2FMUstate state;
+} Scratch;
+
+struct Master {
+  Plan plan;
+  Scratch *scratch;         /* [n_units] */
+  Past *past;               /* [n_outputs] */
+  double *y, *dy;           /* [n_outputs]: at the end of the step under way */
+  double *expected;         /* [n_outputs]: what readers took for y */
+  Polynomial *p;            /* [n_outputs + n_inputs] */
+  double *u, *du;           /* inputs of one unit and their derivatives */
+  fmi2Integer *first_order; /* 1, 1, .. */
+  int *discrete;            /* Integers and Booleans of one unit */
+  int64_t tick, stride;
+  int64_t calm;      /* steps since the last rejected one */
+  size_t next_break; /* breaks[next_break] > tick, the first such */
+  size_t sample;     /* sample_time[sample] <= t < sample_time[sample + 1] */
+  int known;         /* points in the past, the present one included */
+  double h_prev, h_prev2;
+  Counters count;
+  char message[512];
+};
+
+static inline double time_of(const Master *m, int64_t tick) { return m->plan.start_time + (double)tick * m->plan.step; }
+
+/* variables that drive inputs come first among a unit's signals: Reals, then these */
+static inline size_t n_discrete(const Unit *unit) { return unit->integer_outputs.n + unit->boolean_outputs.n; }
+
+/* unit.c: all return 0, or -1 with a message that says which unit, which call, at what time */
+int step_unit(Master *m, size_t i, double t, double h); /* inputs' polynomials in, y and dy out */
+int get_outputs(Master *m, const Unit *unit);           /* those that drive inputs, into y */
+int get_watched(Master *m, const Unit *unit);           /* those that are only recorded, into y */
+int save_states(Master *m);
+int restore_states(Master *m);
+
+#endif

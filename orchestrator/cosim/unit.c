@@ -1,0 +1,141 @@
+/* What the master does with one unit: FMI calls, and what is said when one fails. */
+#include <math.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stdio.h>
+
+#include "master.h"
+
+enum { MAX_ORDER = 3 };
+
+static const char *word(fmi2Status status) {
+  static const char *const words[] = {"ok", "warning", "discard", "error", "fatal", "pending"};
+  return status >= fmi2OK && status <= fmi2Pending ? words[status] : "an unknown status";
+}
+
+static int fail(Master *m, const char *format, ...) {
+  va_list arguments;
+  va_start(arguments, format);
+  vsnprintf(m->message, sizeof m->message, format, arguments);
+  va_end(arguments);
+  return -1;
+}
+
+/* 0: go on; -1: the message says which unit, which call, at what time */
+static inline int check(Master *m, const Unit *unit, const char *call, fmi2Status status) {
+  if (status == fmi2OK) return 0;
+  if (status == fmi2Warning) {
+    m->count.warnings++;
+    return 0;
+  }
+  return fail(m, "%s: %s returned %s at t = %.9g s", unit->name, call, word(status), time_of(m, m->tick));
+}
+
+static inline Polynomial through(const Master *m, const Wire *wire) {
+  Polynomial p = m->p[wire->signal];
+  for (int k = 0; k <= MAX_ORDER; k++) p.a[k] *= wire->factor;
+  p.a[0] += wire->offset;
+  return p;
+}
+
+static int set_real_inputs(Master *m, const Unit *unit, const Scratch *scratch, double h) {
+  size_t n = unit->real_inputs.n;
+  if (n == 0) return 0;
+  double at = unit->input_order > 0 ? 0 : unit->holds_end ? h : 0.5 * h;
+  for (size_t j = 0; j < n; j++) {
+    Polynomial p = through(m, &unit->wires[j]);
+    m->u[j] = value(&p, at);
+    if (unit->input_order == 1) {
+      m->du[j] = (value(&p, h) - p.a[0]) / h;
+    } else if (unit->input_order == 3) {
+      m->du[3 * j] = p.a[1];
+      m->du[3 * j + 1] = 2 * p.a[2];
+      m->du[3 * j + 2] = 6 * p.a[3];
+    }
+  }
+  if (check(m, unit, "fmi2SetReal", unit->set_real(unit->component, unit->real_inputs.refs, n, m->u))) return -1;
+  if (unit->input_order == 0) return 0;
+  size_t n_derivatives = n * (size_t)unit->input_order;
+  return check(m, unit, "fmi2SetRealInputDerivatives",
+               unit->set_real_input_derivatives(unit->component, scratch->refs, n_derivatives, scratch->orders, m->du));
+}
+
+/* Integers and Booleans: the value at the step's begin, or the one just computed by a unit before */
+static int set_discrete_inputs(Master *m, const Unit *unit) {
+  const Wire *wires = unit->wires + unit->real_inputs.n;
+  for (size_t j = 0; j < unit->integer_inputs.n; j++) m->discrete[j] = (int)lround(m->p[wires[j].signal].a[0]);
+  if (unit->integer_inputs.n &&
+      check(m, unit, "fmi2SetInteger",
+            unit->set_integer(unit->component, unit->integer_inputs.refs, unit->integer_inputs.n, m->discrete)))
+    return -1;
+  wires += unit->integer_inputs.n;
+  for (size_t j = 0; j < unit->boolean_inputs.n; j++) m->discrete[j] = m->p[wires[j].signal].a[0] >= 0.5;
+  if (unit->boolean_inputs.n &&
+      check(m, unit, "fmi2SetBoolean",
+            unit->set_boolean(unit->component, unit->boolean_inputs.refs, unit->boolean_inputs.n, m->discrete)))
+    return -1;
+  return 0;
+}
+
+static int get_values(Master *m, const Unit *unit, const Variables *real, const Variables *integer,
+                      const Variables *boolean, double *y) {
+  if (real->n && check(m, unit, "fmi2GetReal", unit->get_real(unit->component, real->refs, real->n, y))) return -1;
+  y += real->n;
+  if (integer->n) {
+    if (check(m, unit, "fmi2GetInteger", unit->get_integer(unit->component, integer->refs, integer->n, m->discrete)))
+      return -1;
+    for (size_t j = 0; j < integer->n; j++) y[j] = m->discrete[j];
+    y += integer->n;
+  }
+  if (boolean->n) {
+    if (check(m, unit, "fmi2GetBoolean", unit->get_boolean(unit->component, boolean->refs, boolean->n, m->discrete)))
+      return -1;
+    for (size_t j = 0; j < boolean->n; j++) y[j] = m->discrete[j] != fmi2False;
+  }
+  return 0;
+}
+
+int get_outputs(Master *m, const Unit *unit) {
+  return get_values(m, unit, &unit->real_outputs, &unit->integer_outputs, &unit->boolean_outputs,
+                    m->y + unit->first_signal);
+}
+
+int get_watched(Master *m, const Unit *unit) {
+  double *y = m->y + (size_t)unit->first_signal + unit->real_outputs.n + n_discrete(unit);
+  return get_values(m, unit, &unit->real_watched, &unit->integer_watched, &unit->boolean_watched, y);
+}
+
+static int get_slopes(Master *m, const Unit *unit) {
+  size_t n = unit->real_outputs.n;
+  if (!unit->output_derivatives || n == 0) return 0;
+  return check(m, unit, "fmi2GetRealOutputDerivatives",
+               unit->get_real_output_derivatives(unit->component, unit->real_outputs.refs, n, m->first_order,
+                                                 m->dy + unit->first_signal));
+}
+
+int step_unit(Master *m, size_t i, double t, double h) {
+  const Unit *unit = &m->plan.units[i];
+  bool keeps_history = m->plan.scheme.sweeps > 1 || m->plan.scheme.adaptive;
+  if (set_real_inputs(m, unit, &m->scratch[i], h) || set_discrete_inputs(m, unit)) return -1;
+  fmi2Status status = unit->do_step(unit->component, t, h, keeps_history ? fmi2False : fmi2True);
+  if (status != fmi2OK && status != fmi2Warning)
+    return fail(m, "%s: fmi2DoStep returned %s at t = %.9g s, step %.9g s", unit->name, word(status), t, h);
+  m->count.warnings += status == fmi2Warning;
+  return get_outputs(m, unit) || get_slopes(m, unit) ? -1 : 0;
+}
+
+int save_states(Master *m) {
+  for (size_t i = 0; i < m->plan.n_units; i++) {
+    const Unit *unit = &m->plan.units[i];
+    if (check(m, unit, "fmi2GetFMUstate", unit->get_state(unit->component, &m->scratch[i].state))) return -1;
+  }
+  return 0;
+}
+
+int restore_states(Master *m) {
+  for (size_t i = 0; i < m->plan.n_units; i++) {
+    const Unit *unit = &m->plan.units[i];
+    if (check(m, unit, "fmi2SetFMUstate", unit->set_state(unit->component, m->scratch[i].state))) return -1;
+  }
+  return 0;
+}

@@ -94,8 +94,10 @@ typedef struct Master Master;
 COSIM_API Master *cosim_create(const Plan *plan);
 COSIM_API void cosim_destroy(Master *m);
 
-/* From the units' present state at tick 0, or, after values were set from outside, at the present tick: forgets the signals' past. */
-COSIM_API int cosim_begin(Master *m, int64_t tick);
+/* Tick 0, from the units' present state. */
+COSIM_API int cosim_begin(Master *m);
+/* After values were set in units from outside: signals that jumped take their past with them. */
+COSIM_API int cosim_resume(Master *m);
 /* Advances to `tick`; writes a row of n_recorded for every recorded tick after the present one. */
 COSIM_API int cosim_advance(Master *m, int64_t tick, double *rows);
 /* Writes the row of the present tick. */

@@ -40,6 +40,7 @@ static inline size_t n_discrete(const Unit *unit) { return unit->integer_outputs
 int step_unit(Master *m, size_t i, double t, double h); /* inputs' polynomials in, y and dy out */
 int get_outputs(Master *m, const Unit *unit);           /* those that drive inputs, into y */
 int get_watched(Master *m, const Unit *unit);           /* those that are only recorded, into y */
+int get_first_slopes(Master *m, const Unit *unit);      /* before its first step, into dy; 0 where it knows none yet */
 int save_states(Master *m);
 int restore_states(Master *m);
 

@@ -28,7 +28,7 @@ static void extrapolate(Master *m, const Unit *unit, double h) {
 }
 
 static void interpolate(Master *m, const Unit *unit, double h) {
-  bool cubic = m->plan.scheme.interpolation == 3 && unit->output_derivatives && m->known >= 2;
+  bool cubic = m->plan.scheme.interpolation == 3 && unit->output_derivatives;
   size_t s = (size_t)unit->first_signal, end = s + unit->real_outputs.n;
   for (; s < end; s++)
     m->p[s] = cubic ? hermite(m->past[s].y, m->past[s].dy, m->y[s], m->dy[s], h) : line(m->past[s].y, m->y[s], h);
@@ -172,17 +172,31 @@ static int step(Master *m, double **row) {
 
 /* Calls from Python --------------------------------------------------------------------------------------------------------- */
 
-int cosim_begin(Master *m, int64_t tick) {
-  m->tick = tick;
+int cosim_begin(Master *m) {
+  m->tick = 0;
   m->stride = 1;
   m->known = 1;
   m->calm = 0;
   m->next_break = 0;
-  if (tick == 0) m->count = (Counters){0};
-  m->sample = m->plan.n_samples ? sample_before(m, 0, time_of(m, tick)) : 0;
+  m->sample = m->plan.n_samples ? sample_before(m, 0, time_of(m, 0)) : 0;
+  m->count = (Counters){0};
+  for (size_t i = 0; i < m->plan.n_units; i++)
+    if (get_outputs(m, &m->plan.units[i]) || get_first_slopes(m, &m->plan.units[i])) return -1;
+  for (size_t s = 0; s < m->plan.n_outputs; s++) m->past[s] = (Past){.y = m->y[s], .dy = m->dy[s]};
+  return 0;
+}
+
+int cosim_resume(Master *m) {
+  m->stride = 1;
   for (size_t i = 0; i < m->plan.n_units; i++)
     if (get_outputs(m, &m->plan.units[i])) return -1;
-  for (size_t s = 0; s < m->plan.n_outputs; s++) m->past[s] = (Past){.y = m->y[s]};
+  for (size_t s = 0; s < m->plan.n_outputs; s++) {
+    Past *past = &m->past[s];
+    double jump = m->y[s] - past->y;
+    past->y = m->y[s];
+    past->y_prev += jump;
+    past->y_prev2 += jump;
+  }
   return 0;
 }
 

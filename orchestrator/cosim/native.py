@@ -182,9 +182,13 @@ class Master:
         if not self._master:
             raise MemoryError("the co-simulation master")
 
-    def begin(self, tick: int) -> None:
-        """From the units' present state; forgets what signals did before."""
-        self._check(self._library.cosim_begin(self._master, tick))
+    def begin(self) -> None:
+        """Tick 0, from the units' present state."""
+        self._check(self._library.cosim_begin(self._master))
+
+    def resume(self) -> None:
+        """After values were set in units from outside: signals that jumped take their past with them."""
+        self._check(self._library.cosim_resume(self._master))
 
     def advance(self, tick: int, rows: NDArray[np.float64]) -> None:
         """On to `tick`; `rows`: float64[recorded points passed, recorded signals], filled."""
@@ -225,7 +229,8 @@ def _typed_library() -> ctypes.CDLL:
     loaded.cosim_create.restype = c_void_p
     loaded.cosim_destroy.argtypes = [c_void_p]
     loaded.cosim_destroy.restype = None
-    loaded.cosim_begin.argtypes = [c_void_p, c_int64]
+    loaded.cosim_begin.argtypes = [c_void_p]
+    loaded.cosim_resume.argtypes = [c_void_p]
     loaded.cosim_advance.argtypes = [c_void_p, c_int64, c_void_p]
     loaded.cosim_record.argtypes = [c_void_p, c_void_p]
     loaded.cosim_message.argtypes = [c_void_p]

@@ -17,6 +17,7 @@ Polynomial = tuple[
     float, float, float, float
 ]  # a0 + a1 s + a2 s^2 + a3 s^3, s: time since the present communication point
 
+DISCARD = 2  # fmi2Discard: of slopes before the first step, not known yet
 CALM = 8  # steps after one that was taken back, before steps may grow again
 
 
@@ -60,13 +61,29 @@ class Master:
         self.h_prev = self.h_prev2 = 0.0
         self.count = {"steps": 0, "rejected": 0, "sweeps": 0, "warnings": 0}
 
-    def begin(self, tick: int) -> None:
-        """From the units' present state; forgets what signals did before."""
-        self.tick, self.stride, self.known, self.calm = tick, 1, 1, 0
-        self.sample = self._sample_before(0, self._time(tick))
+    def begin(self) -> None:
+        """Tick 0, from the units' present state."""
+        self.tick, self.stride, self.known, self.calm = 0, 1, 1, 0
+        self.sample = self._sample_before(0, self._time(0))
         for unit in self.plan.units:
             self._get_outputs(unit)
-        self.past = [Past(y) for y in self.y]
+            try:
+                self._get_slopes(unit)
+            except FMICallException as error:
+                if error.status != DISCARD:
+                    raise
+        self.past = [Past(y, dy) for y, dy in zip(self.y, self.dy, strict=True)]
+
+    def resume(self) -> None:
+        """After values were set in units from outside: signals that jumped take their past with them."""
+        self.stride = 1
+        for unit in self.plan.units:
+            self._get_outputs(unit)
+        for y, past in zip(self.y, self.past, strict=True):
+            jump = y - past.y
+            past.y = y
+            past.y_prev += jump
+            past.y_prev2 += jump
 
     def advance(self, tick: int, rows: NDArray[np.float64]) -> None:
         """On to `tick`; `rows`: float64[recorded points passed, recorded signals], filled."""
@@ -152,10 +169,7 @@ class Master:
             raise SimulationError(message + instance.last_words()) from error
         with instance.explained(f"at t = {t:.9g} s"):
             self._get_outputs(unit)
-            if unit.output_derivatives and unit.outputs[0]:
-                first = unit.first_signal
-                slopes = instance.fmu.getRealOutputDerivatives(unit.outputs[0], [1] * len(unit.outputs[0]))
-                self.dy[first : first + len(slopes)] = slopes
+            self._get_slopes(unit)
 
     def _restore(self, states: list[object]) -> None:
         for unit, state in zip(self.plan.units, states, strict=True):
@@ -236,6 +250,11 @@ class Master:
     def _get_outputs(self, unit: PlannedUnit) -> None:
         self._get(unit.instance, unit.outputs, unit.first_signal)
 
+    def _get_slopes(self, unit: PlannedUnit) -> None:
+        if unit.output_derivatives and unit.outputs[0]:
+            first, n = unit.first_signal, len(unit.outputs[0])
+            self.dy[first : first + n] = unit.instance.fmu.getRealOutputDerivatives(unit.outputs[0], [1] * n)
+
     def _get(self, instance: Instance, columns: tuple[tuple[int, ...], ...], first: int) -> None:
         fmu = instance.fmu
         for refs, get in zip(columns, (fmu.getReal, fmu.getInteger, fmu.getBoolean), strict=True):
@@ -262,7 +281,7 @@ class Master:
             self.expected[s] = value(self.p[s], h)
 
     def _interpolate(self, unit: PlannedUnit, h: float) -> None:
-        cubic = self.scheme.interpolation == 3 and unit.output_derivatives and self.known >= 2
+        cubic = self.scheme.interpolation == 3 and unit.output_derivatives
         n_real = len(unit.outputs[0])
         for s in range(unit.first_signal, unit.first_signal + unit.n_outputs):
             past = self.past[s]
@@ -342,9 +361,9 @@ def hermite(y0: float, dy0: float, y1: float, dy1: float, h: float) -> Polynomia
 
 
 def extrapolate_with_slope(p: Past, degree: int, known: int, h_prev: float) -> Polynomial:
-    if degree == 0 or known < 2:
+    if degree == 0:
         return constant(p.y)
-    if degree == 1:
+    if degree == 1 or known < 2:
         return p.y, p.dy, 0.0, 0.0
     slope_prev = (p.y - p.y_prev) / h_prev
     if degree == 2:

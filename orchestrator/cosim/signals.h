@@ -26,11 +26,10 @@ static inline Polynomial hermite(double y0, double dy0, double y1, double dy1, d
   return (Polynomial){{y0, dy0, (3 * slope - 2 * dy0 - dy1) / h, (dy0 + dy1 - 2 * slope) / (h * h)}};
 }
 
-/* Continues a signal whose unit gives its slope. `known`: points since the past was forgotten, the present one included (slopes come
- * with the second); h_prev: the last step's length. */
+/* Continues a signal whose unit gives its slope. `known`: points, the present one included; h_prev: the last step's length. */
 static inline Polynomial extrapolate_with_slope(const Past *p, int degree, int known, double h_prev) {
-  if (degree == 0 || known < 2) return constant(p->y);
-  if (degree == 1) return (Polynomial){{p->y, p->dy, 0, 0}};
+  if (degree == 0) return constant(p->y);
+  if (degree == 1 || known < 2) return (Polynomial){{p->y, p->dy, 0, 0}};
   double slope_prev = (p->y - p->y_prev) / h_prev;
   if (degree == 2) return (Polynomial){{p->y, p->dy, (p->dy - slope_prev) / h_prev, 0}};
   double a3 = (p->dy + p->dy_prev - 2 * slope_prev) / (h_prev * h_prev);

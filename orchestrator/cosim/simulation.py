@@ -30,7 +30,8 @@ ROWS_PER_CHUNK = 10_000
 class Master(Protocol):
     """What native.Master and reference.Master have in common."""
 
-    def begin(self, tick: int) -> None: ...
+    def begin(self) -> None: ...
+    def resume(self) -> None: ...
     def advance(self, tick: int, rows: Rows) -> None: ...
     def record(self, row: Rows) -> None: ...
     def counters(self) -> dict[str, int]: ...
@@ -247,7 +248,7 @@ class Simulation:
             done = 0
             if first == 0:
                 self._apply(events, 0)
-                master.begin(0)
+                master.begin()
                 master.record(rows[0])
                 done = 1
             last_tick = (end - 1) * clock.per_row
@@ -257,7 +258,7 @@ class Simulation:
                 master.advance(target, rows[done : done + passed])
                 tick, done = target, done + passed
                 if self._apply(events, tick):
-                    master.begin(tick)
+                    master.resume()
             if progress:
                 progress(float(clock.times(end - 1, end)[0]), stop_time)
             yield first, rows

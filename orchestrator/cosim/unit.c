@@ -105,12 +105,23 @@ int get_watched(Master *m, const Unit *unit) {
   return get_values(m, unit, &unit->real_watched, &unit->integer_watched, &unit->boolean_watched, y);
 }
 
-static int get_slopes(Master *m, const Unit *unit) {
+static fmi2Status ask_slopes(const Master *m, const Unit *unit) {
   size_t n = unit->real_outputs.n;
-  if (!unit->output_derivatives || n == 0) return 0;
-  return check(m, unit, "fmi2GetRealOutputDerivatives",
-               unit->get_real_output_derivatives(unit->component, unit->real_outputs.refs, n, m->first_order,
-                                                 m->dy + unit->first_signal));
+  if (!unit->output_derivatives || n == 0) return fmi2OK;
+  double *dy = m->dy + unit->first_signal;
+  return unit->get_real_output_derivatives(unit->component, unit->real_outputs.refs, n, m->first_order, dy);
+}
+
+static int get_slopes(Master *m, const Unit *unit) {
+  return check(m, unit, "fmi2GetRealOutputDerivatives", ask_slopes(m, unit));
+}
+
+int get_first_slopes(Master *m, const Unit *unit) {
+  for (size_t j = 0; j < unit->real_outputs.n; j++) m->dy[(size_t)unit->first_signal + j] = 0;
+  fmi2Status status = ask_slopes(m, unit);
+  if (status != fmi2Discard) return check(m, unit, "fmi2GetRealOutputDerivatives", status);
+  for (size_t j = 0; j < unit->real_outputs.n; j++) m->dy[(size_t)unit->first_signal + j] = 0;
+  return 0;
 }
 
 int step_unit(Master *m, size_t i, double t, double h) {

@@ -67,3 +67,13 @@ def test_long_adaptive_steps_miss_no_impact(shared: Path) -> None:
     result, reference = run_reference(shared, "no_load", "adaptive")
     assert result.step > 5e-3
     assert np.max(np.abs(result.signals["i_motor"] - reference["i_motor"])) <= 1e-3  # A
+
+
+def test_a_parameter_that_changes_a_little_while_time_runs_leaves_no_other_trace() -> None:
+    system = load_system("joint")
+    inputs = Inputs(np.array([0.0, 0.1]), {"v_command": np.array([0.0, 12.0])})
+    events = [(0.4, {"motor_bldc.winding.R": 0.21})]
+    before, after = simulate(system, inputs, 0.6), simulate(system, inputs, 0.6, parameter_events=events)
+    difference = np.abs(after.signals["i_motor"] - before.signals["i_motor"])
+    assert np.all(difference[:401] == 0)
+    assert 1e-4 < np.max(difference) < 0.005 * np.max(before.signals["i_motor"])  # R changes by 0.5 %

@@ -3,6 +3,7 @@
 enum { U, Y, K, FAIL_AT, FAIL_AS, REALS };
 #define STATES 0
 #define INPUTS (1u << U)
+#define SLOPES_AT_ONCE 0
 #include "small_fmu.h"
 
 static void start_values(values *v) { v->r[K] = 2, v->r[FAIL_AT] = 1e9, v->r[FAIL_AS] = 3; }

@@ -2,6 +2,7 @@
 enum { PHI, W, WORK, WORK_ABS, TAU, TAU_DRIVE, J, PHI_0, REALS };
 #define STATES 4
 #define INPUTS (1u << TAU | 1u << TAU_DRIVE)
+#define SLOPES_AT_ONCE 1
 #include "small_fmu.h"
 
 static void start_values(values *v) { v->r[PHI_0] = 1, v->r[J] = 1; }

@@ -2,6 +2,7 @@
 enum { WORK, WORK_ABS, PHI, W, TAU, C, D, REALS };
 #define STATES 2
 #define INPUTS (1u << PHI | 1u << W)
+#define SLOPES_AT_ONCE 0
 #include "small_fmu.h"
 
 static void start_values(values *v) { v->r[C] = 1, v->r[D] = 0.1; }

@@ -12,16 +12,25 @@ from benchmarks.peers import GAUSS_SEIDEL, JACOBI, Absent, Run, Wiring
 
 try:
     from cofmupy import Coordinator
+    from cofmupy.wrappers import Fmu2Handler
     from fmpy import read_model_description
 except ImportError as error:
     raise Absent(f"cofmpy: {error}") from error
 
 SCHEMES = [JACOBI, GAUSS_SEIDEL]
-READERS: dict[str, Callable[[str], float]] = {
-    "Real": float,
-    "Integer": int,
-    "Boolean": lambda text: text in ("true", "1"),
-}
+
+
+def _reals(causality: str) -> Callable[[Fmu2Handler], list[str]]:
+    def names(handler: Fmu2Handler) -> list[str]:
+        variables = handler.description.modelVariables
+        return [v.name for v in variables if v.causality == causality and v.type == "Real"]
+
+    return names
+
+
+# of FMI 2.0 units it sets and gets every input and output as a Real, which others refuse: it is shown the Reals only
+Fmu2Handler.get_input_names = _reals("input")
+Fmu2Handler.get_output_names = _reals("output")
 
 
 def run(wiring: Wiring, folder: Path) -> Run:
@@ -30,9 +39,8 @@ def run(wiring: Wiring, folder: Path) -> Run:
     for name, path in wiring.units.items():
         starts = {}  # it sets every input at every step, to zero if it is not told
         for variable in read_model_description(path).modelVariables:
-            if variable.causality == "input" and (name, variable.name) not in wired and variable.start is not None:
-                read = READERS[variable.type]
-                starts[variable.name] = read(variable.start)
+            if variable.causality == "input" and variable.type == "Real" and (name, variable.name) not in wired:
+                starts[variable.name] = float(variable.start)
         fmus.append({"id": name, "path": path, "initialization": starts})
     ends = [
         {"source": {"id": source, "variable": output}, "target": {"id": sink, "variable": variable}}

@@ -3,9 +3,11 @@
 import csv
 import json
 import os
+import re
 import shutil
 import subprocess
 import time
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +23,19 @@ if not Path(JAR).is_file():
 SCHEMES = [JACOBI]
 
 
+def _without_enumerations(source: str, path: Path) -> Path:
+    """A copy of an FMU whose enumerations are called integers: its initialiser fails on enumerations."""
+    with zipfile.ZipFile(source) as unit, zipfile.ZipFile(path, "w") as copy:
+        for name in unit.namelist():
+            content = unit.read(name)
+            if name == "modelDescription.xml":
+                content = re.sub(rb'<Enumeration declaredType="[^"]*"', b"<Integer", content)
+            copy.writestr(name, content)
+    return path
+
+
 def run(wiring: Wiring, folder: Path) -> Run:
+    units = {name: _without_enumerations(path, folder / f"{name}.fmu") for name, path in wiring.units.items()}
     model = folder / "model.json"
     experiment = folder / "experiment.json"
     place = "{{{0}}}.{0}.{1}".format
@@ -34,7 +48,7 @@ def run(wiring: Wiring, folder: Path) -> Run:
     model.write_text(
         json.dumps(
             {
-                "fmus": {f"{{{name}}}": Path(path).as_uri() for name, path in wiring.units.items()},
+                "fmus": {f"{{{name}}}": path.as_uri() for name, path in units.items()},
                 "connections": connections,
                 "logVariables": logged,
                 "parameters": {},
@@ -50,7 +64,7 @@ def run(wiring: Wiring, folder: Path) -> Run:
         start = time.perf_counter()
         done = subprocess.run([*call, str(model), str(experiment)], capture_output=True, text=True, cwd=folder)
         if done.returncode:
-            raise RuntimeError(f"Maestro: {done.stderr[-2000:] or done.stdout[-2000:]}")
+            raise RuntimeError(f"Maestro: {(done.stderr or done.stdout)[:2000]}")
         return time.perf_counter() - start
 
     set_up = simulate(2 * wiring.step)  # start of the virtual machine, loading and initialising

@@ -156,6 +156,12 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component component) {
 fmi2Status fmi2ExitInitializationMode(fmi2Component component) {
   NEEDS(INITIALIZATION);
   refresh(&c->unit);
+#if defined UNIT_EVENTS
+  if (!events_here(&c->unit)) { /* a unit may start on the far side of an event: in contact, say */
+    c->phase = FAILED;
+    FAIL(c, "fmi2ExitInitializationMode: events follow each other without end");
+  }
+#endif
   for (int i = 0; i < N_PUBLIC; i++)
     if (!isfinite(c->unit.real[i])) {
       char name[NAME_SIZE];
@@ -318,10 +324,11 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueR
   Unit *m = &c->unit;
   for (size_t i = 0; i < n; i++) {
     const int j = (int)vr[i] - FIRST_INPUT;
-    if (m->u[j].order == 0) { /* fmi2SetReal forgets the derivatives, the first of the new ones wakes the others at zero */
+    if (m->u[j].order == 0 || !m->u[j].fresh) { /* the first derivative of a step wakes the others at zero */
       for (int k = 1; k <= INPUT_ORDER; k++) m->u[j].c[k] = 0;
       m->u[j].t0 = m->time;
       m->u[j].c[0] = m->real[vr[i]];
+      m->u[j].order = 0;
       m->u[j].fresh = 1;
     }
     m->u[j].c[order[i]] = value[i];

@@ -1,0 +1,92 @@
+"""The sources in each FMU: they compile where the headers are, behave like the binary, and pass the sanitizers."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy import platform
+
+from orchestrator.units import Unit
+
+HEADERS = Path(fmpy.__file__).parent / "c-code"
+FLAGS = ["-std=c11", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fno-math-errno", "-fno-trapping-math"]
+NAMES = (
+    "motor_bldc",
+    "planetary_gear",
+    "torque_sensor",
+    "mr_brake_belt",
+    "acquisition",
+    "position_loop",
+    "driven_load",
+)
+
+Load = Callable[[str], Unit]
+
+
+@pytest.fixture(scope="module")
+def compiler() -> str:
+    """Skips where there is none: the FMUs themselves come built."""
+    found = shutil.which("gcc") or shutil.which("cc") or shutil.which("clang")
+    if found is None:
+        pytest.skip("no C compiler on this machine")
+    return found
+
+
+def compile_c(compiler: str, *arguments: str | Path) -> None:
+    done = subprocess.run([compiler, *map(str, arguments)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_sources_compile_and_behave_bit_by_bit_like_the_binary(
+    load: Load, instantiate: Callable[..., Any], compiler: str, tmp_path: Path, name: str
+) -> None:
+    unit = load(name)
+    copy = tmp_path / name
+    shutil.copytree(unit.directory, copy)
+    (library,) = (copy / "binaries" / platform).iterdir()
+    library.unlink()
+    source = copy / "sources"
+    compile_c(
+        compiler, *FLAGS, "-O2", "-shared", "-fPIC", "-I", source, "-I", HEADERS, source / "all.c", "-o", library, "-lm"
+    )
+    archive = Path(shutil.make_archive(str(tmp_path / f"{name}_rebuilt"), "zip", copy)).rename(tmp_path / f"{name}.fmu")
+
+    results = []
+    for fmu in (name, archive):
+        slave = instantiate(fmu).initialise()
+        waves = {n: _wave(float(unit.variables[n].nominal), k) for k, n in enumerate(slave.inputs())}
+        out = slave.run(0.2, 1e-3, slave.outputs(), waves)
+        results.append(np.array([out[n] for n in slave.outputs()]))
+    np.testing.assert_array_equal(*results)
+
+
+def _wave(nominal: float, k: int) -> Callable[[float], float]:
+    return lambda t: 0.3 * nominal * np.sin((20 + k) * t)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", NAMES)
+def test_simulation_passes_the_address_and_undefined_behaviour_sanitizers(
+    load: Load, compiler: str, tmp_path: Path, root: Path, name: str
+) -> None:
+    source = load(name).directory / "sources"
+    sanitizers = ["-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    probe = tmp_path / "probe.c"
+    probe.write_text("int main(void) { return 0; }\n", encoding="utf-8")
+    if subprocess.run([compiler, *sanitizers, str(probe), "-o", str(tmp_path / "probe")], check=False).returncode != 0:
+        pytest.skip(f"{compiler} has no sanitizers")
+    program = tmp_path / "program"
+    compile_c(
+        compiler, *FLAGS, *sanitizers, f'-DUNIT_SOURCE="{source}/all.c"', "-I", source, "-I", HEADERS,
+        root / "tests/fmus/drive_all.c", "-o", program, "-lm",
+    )  # fmt: skip
+    done = subprocess.run([str(program)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr

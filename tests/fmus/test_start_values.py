@@ -1,0 +1,107 @@
+"""Start values that travel inside a repaired FMU, read by the unit itself whatever the importer sets."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fmpy import read_model_description
+from fmpy.fmi2 import FMU2Slave
+from fmpy.simulation import simulate_fmu
+
+from orchestrator.units import Unit
+
+Load = Callable[[str], Unit]
+OTHER = "{12345678-0000-0000-0000-000000000000}"
+
+
+@pytest.fixture
+def repaired(load: Load, tmp_path: Path) -> Callable[..., Path]:
+    """repaired("a = 1", ...): the brake, unpacked, with another GUID and these lines in resources/start_values.txt."""
+
+    def repaired(*lines: str, guid: str = OTHER) -> Path:
+        brake = load("mr_brake_belt")
+        copy = tmp_path / "a path with spaces" / "brake"
+        shutil.copytree(brake.directory, copy)
+        xml = copy / "modelDescription.xml"
+        text = xml.read_text(encoding="utf-8")
+        assert brake.description.guid in text
+        xml.write_text(text.replace(brake.description.guid, OTHER), encoding="utf-8")
+        (copy / "resources").mkdir(exist_ok=True)
+        (copy / "resources" / "start_values.txt").write_text(
+            "\n".join([f"guid = {guid}", *lines, ""]), encoding="utf-8"
+        )
+        return copy
+
+    return repaired
+
+
+def instance(directory: Path) -> Any:
+    description = read_model_description(directory)
+    slave = FMU2Slave(
+        guid=description.guid,
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        unzipDirectory=str(directory),
+        instanceName="brake",
+    )
+    slave.instantiate()
+    return slave
+
+
+def value(slave: Any, directory: Path, name: str) -> float:
+    (vr,) = [v.valueReference for v in read_model_description(directory).modelVariables if v.name == name]
+    return float(slave.getReal([vr])[0])
+
+
+def test_values_apply_without_the_importers_help(repaired: Callable[..., Path]) -> None:
+    directory = repaired("# fitted", "brake.tau_off = 0.123", "", "imbalance.G = -4e-2", "w_p = 1.5")
+    slave = instance(directory)
+    assert value(slave, directory, "brake.tau_off") == 0.123
+    assert value(slave, directory, "imbalance.G") == -0.04
+    assert value(slave, directory, "w_p") == 1.5
+    slave.freeInstance()
+
+
+def test_reset_returns_to_them(repaired: Callable[..., Path]) -> None:
+    directory = repaired("brake.tau_off = 0.123")
+    slave = instance(directory)
+    (vr,) = [v.valueReference for v in read_model_description(directory).modelVariables if v.name == "brake.tau_off"]
+    slave.setReal([vr], [0.5])
+    slave.reset()
+    assert slave.getReal([vr]) == [0.123]
+    slave.freeInstance()
+
+
+def test_fmpy_simulates_with_them_and_no_start_values_given(repaired: Callable[..., Path], load: Load) -> None:
+    torque = {"tau_s": 1.0}
+    out = simulate_fmu(str(repaired("brake.tau_off = 0.2")), stop_time=5.0, start_values=torque)
+    expected = simulate_fmu(
+        str(load("mr_brake_belt").path), stop_time=5.0, start_values={**torque, "brake.tau_off": 0.2}
+    )
+    assert out["w_p"][-1] == expected["w_p"][-1]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "brake.tau_of = 0.1",
+        "brake.tau_off = -1",
+        "brake.tau_off = much",
+        "brake.tau_off",
+        "brake.tau_off = nan",
+        "W = 1",
+    ],
+)
+def test_line_that_cannot_apply_refuses_the_instance(repaired: Callable[..., Path], line: str) -> None:
+    directory = repaired(line)
+    with pytest.raises(Exception, match="instantiate"):
+        instance(directory)
+
+
+def test_file_for_another_guid_refuses_the_instance(repaired: Callable[..., Path]) -> None:
+    directory = repaired("brake.tau_off = 0.2", guid="{somebody-else}")
+    with pytest.raises(Exception, match="instantiate"):
+        instance(directory)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import os
 import platform
@@ -111,6 +113,8 @@ def write_text(path: Path, text: str) -> Path:
 
 def write_csv(path: Path, headers: Sequence[str], rows: Sequence[Sequence[object]]) -> Path:
     """A table for people and spreadsheets; numbers with nine digits."""
-    lines = [",".join(headers)]
-    lines += [",".join(f"{v:.9g}" if isinstance(v, float) else str(v) for v in row) for row in rows]
-    return write_text(path, "\n".join(lines) + "\n")
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(headers)
+    table.writerows([f"{v:.9g}" if isinstance(v, float) else v for v in row] for row in rows)
+    return write_text(path, text.getvalue())

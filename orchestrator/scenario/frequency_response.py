@@ -95,7 +95,7 @@ def run_frequency_response(
                 sink.write(series)
                 for name, residual in series.residuals.items():
                     residuals[name] = max(residuals.get(name, 0.0), abs(residual))
-                found.append(respond(series, scenario.settle, scenario.amplitude))
+                found.append(respond(series, scenario.settle))
                 done += stop_time(scenario, series.omega)
                 if progress:
                     progress(done, total)
@@ -178,7 +178,7 @@ def transfer_function(variant: Variant, time: NDArray[np.float64], i: NDArray[np
     return np.asarray(w, dtype=np.float64)
 
 
-def respond(series: Series, settle: float, amplitude: float) -> Response:
+def respond(series: Series, settle: float) -> Response:
     """Least squares of mean, sine and cosine over whole periods after settling; half of the swing there."""
     after = series.time >= settle - 1e-9
     t, w = series.time[after], series.w[after]
@@ -273,7 +273,11 @@ def _amplitude_table(
 ) -> Table:
     headers = [header("omega", "rad/s"), header("measured", "rad/s")]
     for variant in scenario.variants:
-        headers += [header(f"simulated: {variant.name}", "rad/s"), "misfit [%]", header(variant.source, "rad/s")]
+        headers += [
+            header(f"simulated: {variant.name}", "rad/s"),
+            f"misfit: {variant.name} [%]",
+            header(variant.source, "rad/s"),
+        ]
     rows = []
     for n, omega in enumerate(omegas):
         row: list[float | str] = [float(omega), float(measured[n])]

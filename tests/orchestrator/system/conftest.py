@@ -85,7 +85,7 @@ def make_system(tmp_path: Path) -> Callable[..., Path]:
 
 @pytest.fixture
 def pair(make_fmu: Callable[..., Path], make_system: Callable[..., Path]) -> Callable[..., System]:
-    """pair(connections): a motor that gives w [rad/s], T [degC], n (Integer); a meter that takes other units and types."""
+    """pair(connections): a motor that gives w [rad/s], T [degC], n (Integer); a meter of other units and types."""
     make_fmu(
         "motor",
         [

@@ -1,0 +1,135 @@
+"""The command as a user types it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import fmpy
+import pyarrow.parquet as pq
+import pytest
+
+from orchestrator.cli import main
+from orchestrator.system import load_system
+
+
+def cobot_joint(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    path = os.pathsep.join(filter(None, (os.environ.get("PYTHONPATH"), str(Path(__file__).parents[2]))))
+    return subprocess.run(
+        [sys.executable, "-m", "orchestrator.cli", *words],
+        cwd=folder, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+def test_run_prints_tables_and_where_its_files_are(tmp_path: Path) -> None:
+    done = cobot_joint("run", "load_mr_brake", "--set", "stop_time=0.2", folder=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    for name in ("signals.parquet", "signals.html", "signals.png", "summary.json"):
+        assert f"results/load_mr_brake/{name}" in done.stdout
+        assert (tmp_path / "results" / "load_mr_brake" / name).is_file()
+    assert "motor_bldc.shaft -> planetary_gear.input" in done.stdout
+    assert "w_motor [rad/s]" in done.stdout
+
+
+def test_run_takes_a_scenario_of_ones_own_and_writes_where_it_is_told(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text('system = "joint"\nstop_time = 0.1\n[inputs.v_command]\npoints = [[0, 2]]\n')
+    assert cobot_joint("run", "mine.toml", "--out", "here", folder=tmp_path).returncode == 0
+    assert pq.read_metadata(tmp_path / "here" / "signals.parquet").num_rows == 101
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["run", "laod"], "scenario 'laod': there is none, allowed are"),
+        (["run"], "Missing argument"),
+        (["rum", "no_load"], "No such command 'rum'."),
+        (["run", "no_load", "--steps", "1"], "No such option: --steps"),
+        (["run", "no_load", "--step", "short"], "Invalid value for '--step'"),
+        (["run", "no_load", "--step", "0"], "step 0 s is given, it has to be positive"),
+        (["run", "no_load", "--step", "3e-4"], "has to be a multiple of it"),
+        (["run", "no_load", "--scheme", "newton"], "scheme 'newton' is given, allowed are jacobi"),
+        (["run", "no_load", "--level", "simple"], "--level 'simple' is given, transfer_function, averaged"),
+        (["run", "no_load", "--set", "stop_time"], "NAME=VALUE is allowed"),
+        (["run", "no_load", "--set", "stop=1"], "stop: no such key, allowed are"),
+        (["run", "no_load", "--set", "motor_bldc.winding.R=-1"], "-1 Ohm is given, 1e-06 to 10000 Ohm is allowed"),
+        (["run", "no_load", "--set", "motor.winding.R=1"], "no such component of joint_no_load, it has motor_bldc"),
+        (["run", "no_load", "--out", "file"], "--out file: a folder that can be written is needed"),
+        (["export", "--system", "joynt"], "system 'joynt': there is none, allowed are"),
+    ],
+)
+def test_wrong_call_is_one_line_on_stderr_and_status_2(
+    words: list[str],
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["cobot-joint", *words])
+    with pytest.raises(SystemExit) as left:
+        main()
+    out, error = capfd.readouterr()
+    assert (left.value.code, out) == (2, "")
+    assert said in error
+    assert error.count("\n") == 1
+
+
+def test_missing_fmu_is_one_line_on_stderr_and_status_2(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text('system = "mine.ssd"\nstop_time = 1\n')
+    (tmp_path / "mine.ssd").write_text(
+        '<ssd:SystemStructureDescription version="1.0" name="mine"'
+        ' xmlns:ssd="http://ssp-standard.org/SSP1/SystemStructureDescription"><ssd:System name="mine"><ssd:Elements>'
+        '<ssd:Component name="a" source="nowhere.fmu"/></ssd:Elements></ssd:System></ssd:SystemStructureDescription>'
+    )
+    done = cobot_joint("run", "mine.toml", folder=tmp_path)
+    assert done.returncode == 2
+    assert "nowhere.fmu: there is no such FMU, looked for in" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_unit_that_fails_while_it_runs_is_one_line_and_status_1(tmp_path: Path) -> None:
+    # a communication step of a second over a mesh of 3000 N.m/rad: torques grow beyond all numbers
+    words = ["--scheme", "jacobi", "--step", "1", "--set", "output_step=1", "--set", "stop_time=400"]
+    done = cobot_joint("run", "load_mr_brake", *words, folder=tmp_path)
+    assert done.returncode == 1
+    assert done.stderr.startswith("cobot-joint: ")
+    assert done.stderr.count("\n") == 1
+    assert not list((tmp_path / "results" / "load_mr_brake").iterdir())
+
+
+def test_export_holds_the_four_fmus_and_the_system(tmp_path: Path) -> None:
+    done = cobot_joint("export", "--out", "out", folder=tmp_path)
+    assert done.returncode == 0
+    units = ["motor_bldc", "planetary_gear", "torque_sensor", "mr_brake_belt"]
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {*(f"{unit}.fmu" for unit in units), "joint.ssp"}
+    for unit in units:
+        assert fmpy.read_model_description(str(tmp_path / "out" / f"{unit}.fmu")).modelName == unit
+    exported = load_system(tmp_path / "out" / "joint.ssp")
+    assert exported.connections == load_system("joint").connections
+    assert all(c.unit.path.is_relative_to(exported.components[0].unit.path.parent) for c in exported.components)
+
+
+def test_exported_unit_runs_in_fmpy(tmp_path: Path) -> None:
+    cobot_joint("export", folder=tmp_path)
+    result = fmpy.simulate_fmu(
+        str(tmp_path / "export" / "motor_bldc.fmu"), stop_time=0.1, start_values={"set_value": 6.0}
+    )
+    assert result["w"][-1] > 50
+
+
+def test_help_names_every_command(tmp_path: Path) -> None:
+    done = cobot_joint("--help", folder=tmp_path)
+    assert done.returncode == 0
+    assert all(command in done.stdout for command in ("run", "demo", "export"))
+
+
+@pytest.mark.long
+def test_demo_says_where_the_pictures_are(tmp_path: Path) -> None:
+    done = cobot_joint("demo", folder=tmp_path)
+    assert done.returncode == 0
+    said = done.stdout.split("The pictures are")[1].split()
+    assert [Path(p).name for p in said] == ["frequency_response.png", "signals.png"]
+    assert all((tmp_path / p).stat().st_size > 10_000 for p in said)

@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table as Grid
 
+from orchestrator.diagnosis import commands as diagnosis
 from orchestrator.errors import UserError, among
 from orchestrator.scenario.report import Report, Table
 
@@ -145,6 +146,9 @@ def _progress(name: str) -> Iterator[Any]:
     with Progress(*columns, *times, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
         task = bar.add_task(name, total=1.0)
         yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+diagnosis.register(app)
 
 
 def main() -> None:

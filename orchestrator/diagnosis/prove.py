@@ -97,7 +97,7 @@ def _case(campaign: Path, out: Path, baseline: str | None) -> CaseResult:
     if holdouts(campaign / "campaign.toml") and not (out / "verify.json").is_file():
         calls.append(["verify", str(out), str(campaign / "campaign.toml")])
     for arguments in calls:
-        command = [sys.executable, "-m", "orchestrator", *arguments]
+        command = [sys.executable, "-m", "orchestrator.cli", *arguments]
         ended = subprocess.run(
             command, capture_output=True, text=True, env=os.environ | {"OMP_NUM_THREADS": "1"}, check=False
         )

@@ -1,0 +1,199 @@
+"""A diagnosis becomes files that agree with one another, and commands that answer as promised.
+
+The engine is replaced by one that knows what a made-up bench conceals, so that only what follows it is tested here.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from orchestrator.diagnosis import commands, run
+from orchestrator.diagnosis.campaign import Campaign, load_campaign
+from orchestrator.diagnosis.diagnosis import Diagnosis, Estimate, Feature, Finding, Form
+from orchestrator.diagnosis.recording import Recording
+from orchestrator.diagnosis.simulate import Simulator
+from orchestrator.diagnosis.store import Store
+from orchestrator.diagnosis.verify import verify
+from orchestrator.errors import UserError
+from orchestrator.system.read import load_system
+
+R, A, ONSET = 0.215, 2e-3, 1.0
+CONCEALED = {"motor_bldc.winding.R": R, "motor_bldc.cogging.A": A}
+UNITS = {"i_motor": "A", "w_motor": "rad/s", "tau_sensor": "N.m"}
+NOISE = {"i_motor": 4e-3, "w_motor": 0.3, "tau_sensor": 5e-3}
+LOADED, NO_LOAD = ("i_motor", "w_motor", "tau_sensor"), ("i_motor", "w_motor")
+
+
+def record(folder: Path, name: str, setup: str, seed: int) -> None:
+    """A short run of the bench with what is concealed, as a logger writes it."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(2001) * 1e-3
+    inputs = {"v_command": np.interp(t, [0.3, 0.6, 1.4, 1.8], [0, 8 + seed, 8 + seed, -3])}
+    if setup == "loaded":
+        inputs["i_brake"] = np.interp(t, [0.9, 1.0], [0, 0.3])
+    outputs = {n: np.zeros(len(t)) for n in (LOADED if setup == "loaded" else NO_LOAD)}
+    system = load_system("joint_logged" if setup == "loaded" else "joint_no_load_logged")
+    with Simulator({setup: system}, CONCEALED, {"motor_bldc.cogging.A": ONSET}) as bench:
+        signals = bench(Recording(name, "train", setup, t, inputs, outputs, UNITS))
+    measured = {n: x + NOISE[n] * rng.standard_normal(len(t)) for n, x in signals.items()}
+    units = UNITS | {"v_command": "V", "i_brake": "A"}
+    columns = {f"{n} [{units[n]}]": x for n, x in (inputs | measured).items()}
+    pa.parquet.write_table(pa.table({"time [s]": t} | columns), folder / f"{name}.parquet")
+
+
+@pytest.fixture(scope="module")
+def campaign_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("campaign")
+    text = 'title = "Concealed cogging"\nsystem = "joint"\n'
+    runs = [("noload", "no_load", "train"), ("load", "loaded", "train"), ("later", "loaded", "holdout")]
+    for seed, (name, setup, role) in enumerate(runs):
+        record(folder, name, setup, seed)
+        text += f'[[recording]]\nfile = "{name}.parquet"\nsetup = "{setup}"\nrole = "{role}"\n'
+    (folder / "campaign.toml").write_text(text)
+    return folder / "campaign.toml"
+
+
+def estimate(value: float, unit: str) -> Estimate:
+    return Estimate(value, unit, (0.95 * value, 1.05 * value))
+
+
+def explained() -> Diagnosis:
+    finding = Finding(
+        term="motor_bldc.cogging",
+        equivalent=(),
+        confidence=0.98,
+        onset=ONSET,
+        parameters={"A": estimate(A, "N.m")},
+        where={"recording": "noload", "regime": "creep"},
+        gain=1e4,
+    )
+    calibrated = {"motor_bldc.winding.R": estimate(R, "Ohm")}
+    repaired = calibrated | {"motor_bldc.cogging.A": estimate(A, "N.m")}
+    return Diagnosis("explained", [finding], calibrated, repaired, onsets={"motor_bldc.cogging.A": ONSET})
+
+
+def unlisted(formula: bool) -> Diagnosis:
+    """The same effect as something that no list names: -A*sin(n*phi) at the rotor, or a table of nothing."""
+    n = float(load_system("joint").component("motor_bldc").unit.variables["cogging.n"].start)
+    form = Form(
+        port="motor_bldc.tau_add",
+        unit="N.m",
+        signals=("phi",),
+        formula=f"-0.002*sin({n:g}*phi)" if formula else None,
+        features=(Feature(f"sin({n:g}*phi)", estimate(-A, "N.m")),) if formula else (),
+        explains=0.9,
+        signal="phi",
+        table=None if formula else (np.array([0.0, 1.0]), np.array([0.0, 0.0])),
+    )
+    finding = Finding("motor_bldc.unlisted", (), 0.9, ONSET, {}, {"recording": "noload", "regime": "all"}, 1e4, form)
+    calibrated = {"motor_bldc.winding.R": estimate(R, "Ohm")}
+    return Diagnosis("unlisted", [finding], calibrated, calibrated)
+
+
+def knows(diagnosis: Diagnosis):
+    def diagnose(campaign: Campaign, *, progress=None, store: Store | None = None) -> Diagnosis:
+        return diagnosis
+
+    return lambda baseline: diagnose
+
+
+def test_the_files_of_a_diagnosis_are_there_and_agree(
+    campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run, "engine", knows(explained()))
+    outcome = run.diagnose_campaign(load_campaign(campaign_file), tmp_path)
+    assert {"diagnosis.json", "report.html", "repaired.ssp", "repaired_no_load.ssp", "fmus"} <= {
+        p.name for p in tmp_path.iterdir()
+    }
+    content = json.loads((tmp_path / "diagnosis.json").read_text())
+    assert content["verdict"] == "explained"
+    assert content["findings"][0]["onset"] == ONSET
+    for name, sigma in NOISE.items():
+        channel = content["channels"][name]
+        assert channel["noise"] == pytest.approx(sigma, rel=0.1)
+        for role in ("train", "holdout"):
+            assert channel[role]["repaired"] == pytest.approx(sigma, rel=0.05)
+    for role in ("train", "holdout"):
+        assert content["channels"]["w_motor"][role]["calibrated"] > 1.1 * NOISE["w_motor"]
+    assert "cogging" in outcome.sentence
+    assert "Concealed cogging" in (tmp_path / "report.html").read_text()
+    verified = verify(tmp_path, load_campaign(campaign_file))
+    for name, channel in verified["channels"].items():
+        for variant in ("nominal", "calibrated", "repaired"):
+            assert channel[variant] == pytest.approx(content["channels"][name]["holdout"][variant])
+
+
+@pytest.mark.parametrize("formula", [True, False])
+def test_an_unlisted_effect_becomes_a_unit_on_the_port(
+    campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, formula: bool
+) -> None:
+    monkeypatch.setattr(run, "engine", knows(unlisted(formula)))
+    run.diagnose_campaign(load_campaign(campaign_file), tmp_path)
+    assert (tmp_path / "fmus/motor_bldc_correction.fmu").is_file()
+    w = json.loads((tmp_path / "diagnosis.json").read_text())["channels"]["w_motor"]["holdout"]
+    if formula:
+        assert w["repaired"] == pytest.approx(NOISE["w_motor"], rel=0.1)
+    else:  # a table of zeros repairs nothing
+        assert w["repaired"] == pytest.approx(w["calibrated"], rel=1e-3)
+
+
+def test_verify_writes_what_anyone_can_recompute(
+    campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run, "engine", knows(explained()))
+    run.diagnose_campaign(load_campaign(campaign_file), tmp_path)
+    verify(tmp_path, load_campaign(campaign_file, roles=("holdout",)))
+    content = json.loads((tmp_path / "verify.json").read_text())
+    signals = pa.parquet.read_table(tmp_path / "verify.parquet").to_pandas()
+    for name, unit in UNITS.items():
+        for variant in ("nominal", "calibrated", "repaired"):
+            error = signals[f"{name}.recorded [{unit}]"] - signals[f"{name}.{variant} [{unit}]"]
+            assert np.sqrt(np.mean(error**2)) == pytest.approx(content["channels"][name][variant])
+
+
+def test_the_commands_answer_as_promised(campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    app = typer.Typer()
+    commands.register(app)
+    monkeypatch.setattr(run, "engine", knows(explained()))
+    runner = CliRunner()
+    answer = runner.invoke(app, ["diagnose", str(campaign_file), "--out", str(tmp_path / "d")])
+    assert answer.exit_code == 0, answer.output
+    assert "The system leaves out" in answer.output
+    assert "held-out runs" in answer.output
+    answer = runner.invoke(app, ["verify", str(tmp_path / "d"), str(campaign_file)])
+    assert answer.exit_code == 0, answer.output
+    assert (tmp_path / "d/verify.json").is_file()
+    for arguments in (["verify", str(tmp_path), str(campaign_file)], ["diagnose", str(tmp_path / "none.toml")]):
+        assert isinstance(runner.invoke(app, arguments).exception, UserError)
+
+
+def test_a_set_is_scored_by_the_command_and_a_broken_seal_fails_it(tmp_path: Path) -> None:
+    from orchestrator.diagnosis.score import seal
+
+    app = typer.Typer()
+    commands.register(app)
+    (tmp_path / "case01").mkdir()
+    (tmp_path / "case01/campaign.toml").write_text('[[recording]]\nfile = "load.parquet"\n')
+    (tmp_path / "case01/diagnosis.json").write_text('{"verdict": "nothing_missing", "findings": []}')
+    answers = {"case01": {"effects": [], "salt": "s"}}
+    (tmp_path / "answers.json").write_text(json.dumps(answers))
+    (tmp_path / "seals.json").write_text(json.dumps({"case01": seal(answers["case01"])}))
+    answer = CliRunner().invoke(app, ["prove", str(tmp_path)])
+    assert answer.exit_code == 0, answer.output
+    assert "1 answers are those that were sealed" in answer.output
+    assert "0.207 to 1.000" in answer.output
+    (tmp_path / "seals.json").write_text(json.dumps({"case01": "0" * 64}))
+    assert CliRunner().invoke(app, ["prove", str(tmp_path)]).exit_code == 1
+
+
+def test_a_baseline_that_does_not_exist_is_refused() -> None:
+    with pytest.raises(UserError, match="--baseline 'magic' is given"):
+        run.engine("magic")

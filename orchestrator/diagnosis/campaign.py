@@ -69,6 +69,27 @@ class RecordingEntry(_Model):
     role: Role = "train"
     initial: dict[str, float | Literal["first sample"]] = Field(default_factory=dict)
     time: str | None = None  # the clock's column, where it has an unusual name
+    begin: float | None = None  # s on the file's clock: what lies before is left out
+    end: float | None = None
+    late: dict[str, float] = Field(default_factory=dict)  # column -> s by which its stamps are late
+
+
+class Alternative(_Model):
+    """A reading of an experiment whose description leaves something open: each is diagnosed, the best is the answer."""
+
+    name: str
+    parameters: dict[str, float | str] = Field(default_factory=dict)
+    term: str | None = None  # what it is a finding of, where it is not the first reading that holds
+
+
+class FrequencyExperiment(_Model):
+    """Amplitudes over frequency instead of time series: what the runs behind them were."""
+
+    input: str  # driven by amplitude*sin(omega t)
+    amplitude: Annotated[float, Field(gt=0)]  # in the input's unit
+    output: str  # whose half swing after settling was measured
+    settle: Annotated[float, Field(ge=0)] = 2.0  # s
+    parameters: dict[str, float | str] = Field(default_factory=dict)  # of the experiment, not of the system
 
 
 class CampaignFile(_Model):
@@ -80,6 +101,8 @@ class CampaignFile(_Model):
     channels: dict[str, str] = Field(default_factory=dict)  # column -> connector
     tolerances: dict[str, Annotated[Tolerance, BeforeValidator(_tolerance)]] = Field(default_factory=dict)
     logged: dict[str, Logged] = Field(default_factory=dict)
+    frequency_response: FrequencyExperiment | None = None
+    alternative: list[Alternative] = Field(default_factory=list)  # of a frequency response
     recording: list[RecordingEntry] = Field(default_factory=list)
 
 
@@ -121,9 +144,13 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
     path = Path(path)
     if path.is_dir():
         path = path / "campaign.toml"
-    given = _read(path)
+    given = read_campaign_file(path)
     if not given.recording:
         raise UserError(f"{path}: no [[recording]] is given, one at least is needed")
+    if given.frequency_response:
+        raise UserError(
+            f"{path}: a frequency response is given, time series are allowed here; cobot-joint diagnose takes both"
+        )
     _join_published_holdout(path, given)
     defaults, setups = _system(path, given)
     logged = defaults.logged | given.logged
@@ -147,8 +174,13 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
                 setup=setup,
                 initial=entry.initial,
                 time_column=entry.time,
+                window=(entry.begin, entry.end),
+                late=entry.late,
             )
         )
+    for recording, entry in zip(recordings, [e for e in given.recording if e.role in roles], strict=True):
+        if entry.begin is not None or entry.end is not None:  # two windows of one file
+            recording.name += f" from {recording.time[0]:.4g} s to {recording.time[-1]:.4g} s"
     names = [r.name for r in recordings]
     for recording in recordings:  # a.csv beside a.parquet
         if names.count(recording.name) > 1 and recording.path:
@@ -160,7 +192,7 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
 
 def holdouts(path: Path) -> list[Path]:
     """Held-out recordings of a campaign that are there, unread."""
-    given = _read(path)
+    given = read_campaign_file(path)
     _join_published_holdout(path, given)
     files = [path.parent / entry.file for entry in given.recording if entry.role == "holdout"]
     return [file for file in files if file.is_file()]
@@ -173,7 +205,8 @@ def _join_published_holdout(path: Path, given: CampaignFile) -> None:
         given.recording.append(RecordingEntry(file=file, setup=given.recording[-1].setup, role="holdout"))
 
 
-def _read(path: Path) -> CampaignFile:
+def read_campaign_file(path: Path) -> CampaignFile:
+    """The file as it is. UserError: it is not a campaign."""
     try:
         return CampaignFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
     except FileNotFoundError as error:
@@ -212,7 +245,7 @@ def _system(path: Path, given: CampaignFile) -> tuple[CampaignFile, dict[str, Pa
         if not sidecar.is_file():
             shipped = ", ".join(sorted(f.name.removesuffix(".campaign.toml") for f in systems.glob("*.campaign.toml")))
             raise UserError(f"{path}: system {given.system!r} is given, {shipped} or an .ssp or .ssd file is allowed")
-        defaults, folder, single = _read(sidecar), systems, systems / f"{given.system}.ssd"
+        defaults, folder, single = read_campaign_file(sidecar), systems, systems / f"{given.system}.ssd"
     setups = {name: folder / file for name, file in (defaults.setups | given.setups).items()}
     if given.setups:
         setups |= {name: path.parent / file for name, file in given.setups.items()}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -63,18 +63,20 @@ def read_recording(
     setup: str = "default",
     initial: Mapping[str, float | str] | None = None,
     time_column: str | None = None,
+    window: tuple[float | None, float | None] = (None, None),
+    late: Mapping[str, float] | None = None,
 ) -> Recording:
     """Read a file and put it on one regular clock.
 
     connectors: those of this set-up's system, by name. columns: column -> connector; a column may carry its unit in
     brackets, for files that cannot. initial: variable of the system -> value, or "first sample" of the channel of that
-    name. Raises UserError.
+    name. window: what of the file's clock is used, s. late: column -> s by which its stamps are late. Raises UserError.
     """
     notes: list[str] = []
     units_of_columns = dict(map(split_header, columns))
     connector_of = {split_header(column)[0]: connector for column, connector in columns.items()}
     raw: dict[str, Channel] = {}
-    for channel in read_channels(path, time_column):
+    for channel in _windowed(read_channels(path, time_column), window, late):
         if channel.name not in connector_of:
             notes.append(f"{channel.name} is not connected to the system and not used")
         elif connector_of[channel.name] in connectors:
@@ -119,6 +121,29 @@ def read_recording(
         notes=notes,
         path=path,
     )
+
+
+def _windowed(
+    channels: list[Channel], window: tuple[float | None, float | None], late: Mapping[str, float] | None
+) -> list[Channel]:
+    """Channels with the stamps of late ones put right, cut to the window; those that share a clock go on sharing it."""
+    shifts = dict(late or {})
+    begin, end = (-np.inf if window[0] is None else window[0]), (np.inf if window[1] is None else window[1])
+    clocks: dict[tuple[int, float], tuple[NDArray[np.float64], NDArray[np.bool_]]] = {}
+    found = []
+    for channel in channels:
+        shift = shifts.pop(channel.name, 0.0)
+        key = (id(channel.time), shift)
+        if key not in clocks:
+            time = channel.time - shift
+            inside = ~((time < begin) | (time > end))
+            clocks[key] = (time[inside], inside)
+        time, inside = clocks[key]
+        found.append(replace(channel, time=time, values=channel.values[inside]))
+    if shifts:
+        known = ", ".join(channel.name for channel in channels)
+        raise UserError(f"late: column {next(iter(shifts))!r} is given, {known} are there")
+    return found
 
 
 def _regular_clock(path: Path, raw: dict[str, Channel], notes: list[str]) -> NDArray[np.float64]:

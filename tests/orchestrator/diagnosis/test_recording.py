@@ -139,3 +139,18 @@ def test_a_log_without_any_output_is_refused(tmp_path: Path) -> None:
         UserError, match="none of its columns is an output of the system to compare with; known are w, i"
     ):
         read(tmp_path, T, {"v [V]": SIGNALS["v [V]"]})
+
+
+def test_a_window_and_late_stamps_are_put_right(tmp_path: Path) -> None:
+    time = np.arange(0, 1, 0.01)
+    table = np.column_stack([time, np.sin(time), np.sin(time - 0.02)])  # y is stamped two samples late
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="time,u,y", comments="", fmt="%.12g")
+    connectors = {"u": Connector("u", "input"), "y": Connector("y", "output")}
+    recording = read_recording(
+        tmp_path / "a.csv", connectors, {"u": "u", "y": "y"}, window=(0.2, 0.5), late={"y": 0.02}
+    )
+    assert recording.time[0] == pytest.approx(0.2)
+    assert recording.time[-1] == pytest.approx(0.5)
+    np.testing.assert_allclose(recording.outputs["y"], recording.inputs["u"], atol=1e-6)
+    with pytest.raises(UserError, match="late: column 'z' is given, u, y are there"):
+        read_recording(tmp_path / "a.csv", connectors, {"u": "u", "y": "y"}, late={"z": 0.02})

@@ -64,7 +64,7 @@ def describe(system: System, sources: Mapping[str, str]) -> bytes:
     elements = etree.SubElement(element, _tag("ssd", "Elements"))
     for component in system.components:
         node = etree.SubElement(elements, _tag("ssd", "Component"), name=component.name, source=sources[component.name])
-        _connectors(node, _ports(component))
+        _connectors(node, _ports(component, system))
         if component.parameters:
             bindings = etree.SubElement(node, _tag("ssd", "ParameterBindings"))
             binding = etree.SubElement(bindings, _tag("ssd", "ParameterBinding"))
@@ -101,12 +101,14 @@ def _connectors(parent: etree._Element, connectors: list[Connector]) -> None:
             typed.set("unit", c.unit)
 
 
-def _ports(component: Component) -> list[Connector]:
+def _ports(component: Component, system: System) -> list[Connector]:
+    """Outputs, and wired inputs only: some importers set every input that a description lists to 0, wired or not."""
     unit = component.unit
+    wired = {c.sink for c in system.connections if c.sink_component == component.name}
     return [
         Connector(v.name, v.causality, kind, unit.unit_of(v.name), v.description or "")
         for v in unit.variables.values()
-        if v.causality in ("input", "output") and (kind := port_type(v.type))
+        if (v.causality == "output" or (v.causality == "input" and v.name in wired)) and (kind := port_type(v.type))
     ]
 
 
@@ -162,7 +164,7 @@ def _units(system: System) -> dict[str, BaseUnit]:
         for name, base in component.unit.units.items():
             units.setdefault(name, base)
     named = {c.unit for c in [*system.inputs.values(), *system.outputs.values()]}
-    named |= {p.unit for component in system.components for p in _ports(component)}
+    named |= {p.unit for component in system.components for p in _ports(component, system)}
     return {name: units[name] for name in sorted(n for n in named if n) if name in units}
 
 

@@ -7,11 +7,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from fmpy.ssp.simulation import simulate_ssp
 from fmpy.ssp.ssd import read_ssd, read_ssv
 
+from orchestrator.cosim import simulate
 from orchestrator.errors import UserError
-from orchestrator.system import System, load_system, with_parameters, write_ssd, write_ssp, write_ssv
+from orchestrator.system import Inputs, System, load_system, with_parameters, write_ssd, write_ssp, write_ssv
 
 Pair = Callable[..., System]
 Wire = Callable[..., str]
@@ -66,6 +69,27 @@ def test_fmpy_reads_the_archive_as_we_meant_it(tmp_path: Path) -> None:
     assert read == {(c.source_component, c.source, c.sink_component, c.sink) for c in system.connections}
     values = ssd.system.elements[0].parameterBindings[0].parameterValues[0].parameters
     assert [(p.name, p.value, p.unit) for p in values] == [("winding.R", "0.22", "Ohm")]
+
+
+def test_inputs_that_nothing_drives_are_not_listed(tmp_path: Path) -> None:
+    # FMPy sets every listed input to 0 before each step: enable, too
+    ssd = read_ssd(str(write_ssp(load_system("joint"), tmp_path / "joint.ssp")))
+    inputs = {c.name for c in ssd.system.elements[0].connectors if c.kind == "input"}
+    assert inputs == {"set_value", "tau", "J_coupled"}
+
+
+def test_fmpy_runs_the_archive_to_the_same_end(tmp_path: Path) -> None:
+    def v(t: float) -> float:
+        return min(6.0, 20 * t)
+
+    path, system, end = write_ssp(load_system("joint"), tmp_path / "joint.ssp"), load_system("joint"), 0.3
+    inputs = {"v_command": v, "i_brake": lambda t: 0.0, "tau_hold": lambda t: 0.0}
+    theirs = simulate_ssp(str(path), stop_time=end, step_size=1e-4, input=inputs)
+    time = np.linspace(0, end, 301)
+    ours = simulate(system, Inputs(time, {"v_command": np.array([v(t) for t in time])}), end).signals
+    # its loop holds all inputs over a step and passes nothing on at the start: first order, 0.6 % at 0.1 ms
+    assert theirs["w_motor"][-1] == pytest.approx(ours["w_motor"][-1], rel=0.01)
+    assert theirs["tau_sensor"][-1] == pytest.approx(ours["tau_sensor"][-1], rel=0.01)
 
 
 def test_fmpy_reads_the_parameter_set(system: System, tmp_path: Path) -> None:

@@ -49,7 +49,8 @@ static void unit_equations(Unit *m) {
 
   const double u[SIGNALS] = {m->u1, m->u2, m->u3, m->u4};
   for (int k = 0; k < FEATURES; k++) {
-    const double *A = m->real + VR_feature1_A + k * (1 + SIGNALS), *p = A + 1; /* A, p1 to p4 per feature, in the table's order */
+    const double *A = m->real + VR_feature1_A + k * (1 + SIGNALS),
+                 *p = A + 1; /* A, p1 to p4 per feature, in the table's order */
     const int *f = m->integer + VR_feature1_f1 + k * SIGNALS;
     if (*A == 0) continue;
     double product = *A;

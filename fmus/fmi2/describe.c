@@ -98,13 +98,15 @@ static void scalar(const char *term, const char *name, unsigned reference, const
 static void xml_real(int i) {
   const RealInfo *r = &REAL_INFO[i];
   const int settable = r->kind == IS_STATE || r->kind == IS_INPUT || r->kind == IS_PARAMETER;
-  const char *causality = r->kind == IS_STATE      ? r->feeds
-                          : r->kind == IS_INPUT    ? "input"
-                          : r->kind == IS_LOCAL    ? "local"
+  const char *causality = r->kind == IS_STATE       ? r->feeds
+                          : r->kind == IS_INPUT     ? "input"
+                          : r->kind == IS_LOCAL     ? "local"
                           : r->kind == IS_PARAMETER ? "parameter"
                                                     : "output";
   scalar(r->term, r->name, (unsigned)i, r->text, causality, r->kind == IS_PARAMETER ? "tunable" : "continuous",
-         r->kind == IS_INPUT ? NULL : settable ? "exact" : "calculated");
+         r->kind == IS_INPUT ? NULL
+         : settable          ? "exact"
+                             : "calculated");
   printf("<Real unit=\"%s\"", r->unit);
   if (r->min > -DBL_MAX) printf(" min=\"%.17g\"", r->min);
   if (r->max < DBL_MAX) printf(" max=\"%.17g\"", r->max);
@@ -132,7 +134,8 @@ static void xml_boolean(int i) {
   const DiscreteInfo *r = &BOOLEAN_INFO[i];
   const int input = r->kind == IS_INPUT;
   scalar(r->term, r->name, (unsigned)i, r->text, input ? "input" : "output", "discrete", input ? NULL : "calculated");
-  printf(input ? "<Boolean start=\"%s\"/></ScalarVariable>\n" : "<Boolean/></ScalarVariable>\n", r->start ? "true" : "false");
+  printf(input ? "<Boolean start=\"%s\"/></ScalarVariable>\n" : "<Boolean/></ScalarVariable>\n",
+         r->start ? "true" : "false");
 }
 
 static int is_output(int i) {
@@ -145,7 +148,8 @@ static int index_of_input(const char *name, size_t length) {
   for (int i = FIRST_INPUT; i < FIRST_INPUT + N_INPUT; i++)
     if (strlen(REAL_INFO[i].name) == length && strncmp(REAL_INFO[i].name, name, length) == 0) return i + 1;
   for (int i = 1; i < N_BOOLEAN; i++)
-    if (BOOLEAN_INFO[i].kind == IS_INPUT && strlen(BOOLEAN_INFO[i].name) == length && strncmp(BOOLEAN_INFO[i].name, name, length) == 0)
+    if (BOOLEAN_INFO[i].kind == IS_INPUT && strlen(BOOLEAN_INFO[i].name) == length &&
+        strncmp(BOOLEAN_INFO[i].name, name, length) == 0)
       return N_PUBLIC + N_INTEGER - 1 + i;
   fprintf(stderr, "%s: an output names the feed-through \"%.*s\", which is no input\n", UNIT_NAME, (int)length, name);
   return -1;
@@ -197,13 +201,13 @@ static void xml_annotations(void) {
     printf(">\n");
     for (const ShapeInfo *s = SHAPE_INFO; s->term; s++)
       if (strcmp(s->term, t->name) == 0)
-        printf("        <Shape name=\"%s\" min=\"%.17g\" max=\"%.17g\" scan=\"%s\" points=\"%d\"/>\n", full_name(full, s->term, s->name),
-               s->from, s->to, s->scan, s->points);
+        printf("        <Shape name=\"%s\" min=\"%.17g\" max=\"%.17g\" scan=\"%s\" points=\"%d\"/>\n",
+               full_name(full, s->term, s->name), s->from, s->to, s->scan, s->points);
     printf("      </%s>\n", t->amplitude ? "Term" : "Part");
   }
   for (const FlangeInfo *f = FLANGE_INFO; f->name; f++)
-    printf("      <Flange name=\"%s\" phi=\"%s\" w=\"%s\" tau=\"%s\" W=\"%s\" W_abs=\"%s\" role=\"%s\"/>\n", f->name, f->phi, f->w, f->tau,
-           f->W, f->W_abs, f->role);
+    printf("      <Flange name=\"%s\" phi=\"%s\" w=\"%s\" tau=\"%s\" W=\"%s\" W_abs=\"%s\" role=\"%s\"/>\n", f->name,
+           f->phi, f->w, f->tau, f->W, f->W_abs, f->role);
   printf("    </Physics></Tool>\n  </VendorAnnotations>\n");
 }
 
@@ -230,12 +234,15 @@ static int xml(const char *version) {
   char guid[GUID_SIZE];
   int bad = 0;
   table_guid(guid);
-  printf("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"2.0\" modelName=\"%s\" guid=\"%s\"", UNIT_NAME, guid);
+  printf("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"2.0\" modelName=\"%s\" "
+         "guid=\"%s\"",
+         UNIT_NAME, guid);
   attribute("description", UNIT_TEXT);
   printf(" author=\"the cobot-joint developers\" version=\"%s\" license=\"BSD-2-Clause\" generationTool=\"cobot-joint\""
          " variableNamingConvention=\"structured\" numberOfEventIndicators=\"0\">\n",
          version);
-  printf("  <CoSimulation modelIdentifier=\"%s\" canHandleVariableCommunicationStepSize=\"true\" canInterpolateInputs=\"true\""
+  printf("  <CoSimulation modelIdentifier=\"%s\" canHandleVariableCommunicationStepSize=\"true\" "
+         "canInterpolateInputs=\"true\""
          " maxOutputDerivativeOrder=\"1\" canNotUseMemoryManagementFunctions=\"true\" canGetAndSetFMUstate=\"true\""
          " canSerializeFMUstate=\"true\" providesDirectionalDerivative=\"true\">\n"
          "    <SourceFiles><File name=\"all.c\"/></SourceFiles>\n  </CoSimulation>\n",
@@ -263,7 +270,8 @@ static int xml(const char *version) {
   printf("  <ModelVariables>\n");
   for (int i = 0; i < N_PUBLIC; i++) {
     if (!known(REAL_INFO[i].unit)) {
-      fprintf(stderr, "%s: unit of measure \"%s\" of %s is not in fmi2/units.def\n", UNIT_NAME, REAL_INFO[i].unit, REAL_INFO[i].name);
+      fprintf(stderr, "%s: unit of measure \"%s\" of %s is not in fmi2/units.def\n", UNIT_NAME, REAL_INFO[i].unit,
+              REAL_INFO[i].name);
       bad = 1;
     }
     xml_real(i);
@@ -322,14 +330,18 @@ static int html(const char *version) {
   char guid[GUID_SIZE];
   table_guid(guid);
   printf("<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>%s</title>\n"
-         "<style>body{font:16px/1.5 system-ui,sans-serif;max-width:60em;margin:2em auto;padding:0 1em}table{border-collapse:collapse}"
-         "td{padding:.2em .8em .2em 0;vertical-align:top;border-bottom:1px solid #ddd}code{background:#f4f4f4;padding:.1em .3em}"
+         "<style>body{font:16px/1.5 system-ui,sans-serif;max-width:60em;margin:2em auto;padding:0 "
+         "1em}table{border-collapse:collapse}"
+         "td{padding:.2em .8em .2em 0;vertical-align:top;border-bottom:1px solid "
+         "#ddd}code{background:#f4f4f4;padding:.1em .3em}"
          "img{float:right;width:128px}</style></head>\n<body>\n<img src=\"model.png\" alt=\"\">\n<h1>%s</h1>\n<p>",
          UNIT_NAME, UNIT_NAME);
   escaped(UNIT_TITLE);
   printf(". ");
   escaped(UNIT_TEXT);
-  printf("</p>\n<p>FMI 2.0 co-simulation, version %s, GUID <code>%s</code>. SI units. Every term is off at its neutral value.</p>\n", version, guid);
+  printf("</p>\n<p>FMI 2.0 co-simulation, version %s, GUID <code>%s</code>. SI units. Every term is off at its neutral "
+         "value.</p>\n",
+         version, guid);
   html_ports("Inputs", IS_INPUT);
   html_ports("States", IS_STATE);
   html_ports("Outputs", IS_OUTPUT);

@@ -44,15 +44,16 @@ static void say(const Instance *c, fmi2Status status, const char *category, cons
   va_start(list, format);
   vsnprintf(text, sizeof text, format, list);
   va_end(list);
-  if (c->callbacks->logger) c->callbacks->logger(c->callbacks->componentEnvironment, c->name, status, category, "%s", text);
+  if (c->callbacks->logger)
+    c->callbacks->logger(c->callbacks->componentEnvironment, c->name, status, category, "%s", text);
 }
 
 #define FAIL(c, ...) return say((c), fmi2Error, "logStatusError", __VA_ARGS__), fmi2Error
-#define NEEDS(phases)                                                                                               \
-  Instance *c = component;                                                                                          \
-  if (!c) return fmi2Error;                                                                                         \
+#define NEEDS(phases)                                                                                                  \
+  Instance *c = component;                                                                                             \
+  if (!c) return fmi2Error;                                                                                            \
   if (!(c->phase & (phases))) FAIL(c, "%s is not allowed while the unit is %s", __func__, PHASE_NAME[c->phase])
-#define NEEDS_POINTER(p) \
+#define NEEDS_POINTER(p)                                                                                               \
   if (!(p)) FAIL(c, "%s: argument " #p " is NULL", __func__)
 
 /* ---- life ------------------------------------------------------------------------------------------------------ */
@@ -85,7 +86,8 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
   set_starts(&probe.start);
   const StartFile file = read_start_values(&probe.start, &probe.late, resources, guid, why);
   if (file == START_BAD) REFUSE("fmi2Instantiate: %s", why);
-  if (file != START_APPLIED && strcmp(guid, own) != 0) REFUSE("fmi2Instantiate: GUID %s given, this library is %s", guid, own);
+  if (file != START_APPLIED && strcmp(guid, own) != 0)
+    REFUSE("fmi2Instantiate: GUID %s given, this library is %s", guid, own);
   Instance *c = malloc(sizeof *c);
   char *copy = malloc(strlen(name) + 1);
   if (!c || !copy) {
@@ -166,7 +168,8 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component component) {
     if (!isfinite(c->unit.real[i])) {
       char name[NAME_SIZE];
       c->phase = FAILED;
-      FAIL(c, "fmi2ExitInitializationMode: %s is not finite; check the parameters", full_name(name, REAL_INFO[i].term, REAL_INFO[i].name));
+      FAIL(c, "fmi2ExitInitializationMode: %s is not finite; check the parameters",
+           full_name(name, REAL_INFO[i].term, REAL_INFO[i].name));
     }
 #if defined UNIT_SAMPLED
   unit_sample(&c->unit);
@@ -198,12 +201,13 @@ static size_t first_unknown(const fmi2ValueReference vr[], size_t n, size_t firs
   return i;
 }
 
-#define CHECK_LIST(first, count, what)                                                                                  \
-  if (n > 0) NEEDS_POINTER(vr);                                                                                         \
-  if (n > 0) NEEDS_POINTER(value);                                                                                      \
-  const size_t bad = first_unknown(vr, n, first, count);                                                                \
-  if (bad < n)                                                                                                          \
-  FAIL(c, "%s: value reference %u is no " what " variable; they go from %d to %d", __func__, vr[bad], (int)(first), (int)(count)-1)
+#define CHECK_LIST(first, count, what)                                                                                 \
+  if (n > 0) NEEDS_POINTER(vr);                                                                                        \
+  if (n > 0) NEEDS_POINTER(value);                                                                                     \
+  const size_t bad = first_unknown(vr, n, first, count);                                                               \
+  if (bad < n)                                                                                                         \
+  FAIL(c, "%s: value reference %u is no " what " variable; they go from %d to %d", __func__, vr[bad], (int)(first),    \
+       (int)(count) - 1)
 
 fmi2Status fmi2GetReal(fmi2Component component, const fmi2ValueReference vr[], size_t n, fmi2Real value[]) {
   NEEDS(ANY);
@@ -255,7 +259,8 @@ fmi2Status fmi2SetReal(fmi2Component component, const fmi2ValueReference vr[], s
       FAIL(c, "fmi2SetReal: %s is a state; its start value can only be set before the initialization ends", r->name);
     if (!isfinite(value[i])) FAIL(c, "fmi2SetReal: %s = %g is not finite", full_name(name, r->term, r->name), value[i]);
     if (value[i] < r->min || value[i] > r->max)
-      FAIL(c, "fmi2SetReal: %s = %g %s is outside %g to %g", full_name(name, r->term, r->name), value[i], r->unit, r->min, r->max);
+      FAIL(c, "fmi2SetReal: %s = %g %s is outside %g to %g", full_name(name, r->term, r->name), value[i], r->unit,
+           r->min, r->max);
   }
   Unit *m = &c->unit;
   for (size_t i = 0; i < n; i++) {
@@ -275,8 +280,8 @@ fmi2Status fmi2SetReal(fmi2Component component, const fmi2ValueReference vr[], s
   return fmi2OK;
 }
 
-static fmi2Status set_discrete(Instance *c, const char *call, int target[], const DiscreteInfo info[], const fmi2ValueReference vr[],
-                               size_t n, const int value[]) {
+static fmi2Status set_discrete(Instance *c, const char *call, int target[], const DiscreteInfo info[],
+                               const fmi2ValueReference vr[], size_t n, const int value[]) {
   char name[NAME_SIZE];
   for (size_t i = 0; i < n; i++) {
     const DiscreteInfo *r = &info[vr[i]];
@@ -309,8 +314,8 @@ fmi2Status fmi2SetBoolean(fmi2Component component, const fmi2ValueReference vr[]
 
 /* ---- steps ----------------------------------------------------------------------------------------------------- */
 
-fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueReference vr[], size_t n, const fmi2Integer order[],
-                                       const fmi2Real value[]) {
+fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueReference vr[], size_t n,
+                                       const fmi2Integer order[], const fmi2Real value[]) {
   NEEDS(INSTANTIATED | INITIALIZATION | STEPPING);
   CHECK_LIST(0, N_PUBLIC, "real");
   if (n > 0) NEEDS_POINTER(order);
@@ -319,7 +324,8 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueR
     if (r->kind != IS_INPUT) FAIL(c, "fmi2SetRealInputDerivatives: %s is no input", r->name);
     if (order[i] < 1 || order[i] > INPUT_ORDER)
       FAIL(c, "fmi2SetRealInputDerivatives: order %d of %s; allowed are 1 to %d", order[i], r->name, INPUT_ORDER);
-    if (!isfinite(value[i])) FAIL(c, "fmi2SetRealInputDerivatives: derivative %d of %s is %g", order[i], r->name, value[i]);
+    if (!isfinite(value[i]))
+      FAIL(c, "fmi2SetRealInputDerivatives: derivative %d of %s is %g", order[i], r->name, value[i]);
   }
   Unit *m = &c->unit;
   for (size_t i = 0; i < n; i++) {
@@ -338,8 +344,8 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueR
 }
 
 /* dy/dt = dg/dx dx/dt + dg/du du/dt + dg/dt, by a central difference along that direction */
-fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2ValueReference vr[], size_t n, const fmi2Integer order[],
-                                        fmi2Real value[]) {
+fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2ValueReference vr[], size_t n,
+                                        const fmi2Integer order[], fmi2Real value[]) {
   NEEDS(STEPPING | TERMINATED);
   CHECK_LIST(0, N_PUBLIC, "real");
   if (n > 0) NEEDS_POINTER(order);
@@ -347,7 +353,8 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2Value
   refresh(m);
   bool all_states = true;
   for (size_t i = 0; i < n; i++) {
-    if (order[i] != 1) FAIL(c, "fmi2GetRealOutputDerivatives: order %d of %s; allowed is 1", order[i], REAL_INFO[vr[i]].name);
+    if (order[i] != 1)
+      FAIL(c, "fmi2GetRealOutputDerivatives: order %d of %s; allowed is 1", order[i], REAL_INFO[vr[i]].name);
     if (REAL_INFO[vr[i]].kind > IS_OUTPUT || REAL_INFO[vr[i]].kind == IS_INPUT)
       FAIL(c, "fmi2GetRealOutputDerivatives: %s is no output", REAL_INFO[vr[i]].name);
     all_states &= (int)vr[i] < N_X;
@@ -384,8 +391,10 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
   Unit *m = &c->unit;
   const double slack = 1e-9 * fmax(1, fabs(t));
   if (!(h > 0) || !isfinite(h)) FAIL(c, "fmi2DoStep: communicationStepSize %g; it has to be positive", h);
-  if (!(fabs(t - m->time) <= slack)) FAIL(c, "fmi2DoStep: currentCommunicationPoint %.12g, but the unit is at %.12g", t, m->time);
-  if (t + h > c->stop_time + slack) FAIL(c, "fmi2DoStep: the step ends at %g, behind the stop time %g", t + h, c->stop_time);
+  if (!(fabs(t - m->time) <= slack))
+    FAIL(c, "fmi2DoStep: currentCommunicationPoint %.12g, but the unit is at %.12g", t, m->time);
+  if (t + h > c->stop_time + slack)
+    FAIL(c, "fmi2DoStep: the step ends at %g, behind the stop time %g", t + h, c->stop_time);
   if (apply_late(&c->late, m)) m->restart = 1;
   refresh(m);
   for (int j = 0; j < N_INPUT; j++) { /* an input that nobody set stays where it got to */
@@ -413,11 +422,11 @@ fmi2Status fmi2CancelStep(fmi2Component component) {
   FAIL(c, "fmi2CancelStep: steps are finished when fmi2DoStep returns");
 }
 
-#define STATUS(type)                                                                                  \
-  fmi2Status fmi2Get##type##Status(fmi2Component component, const fmi2StatusKind kind, fmi2##type *value) { \
-    NEEDS(ANY);                                                                                       \
-    (void)value;                                                                                      \
-    FAIL(c, "fmi2Get" #type "Status: no status %d; steps are finished when fmi2DoStep returns", (int)kind); \
+#define STATUS(type)                                                                                                   \
+  fmi2Status fmi2Get##type##Status(fmi2Component component, const fmi2StatusKind kind, fmi2##type *value) {            \
+    NEEDS(ANY);                                                                                                        \
+    (void)value;                                                                                                       \
+    FAIL(c, "fmi2Get" #type "Status: no status %d; steps are finished when fmi2DoStep returns", (int)kind);            \
   }
 fmi2Status fmi2GetStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Status *value) {
   NEEDS(ANY);
@@ -430,14 +439,16 @@ STATUS(String)
 fmi2Status fmi2GetRealStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Real *value) {
   NEEDS(STEPPING | TERMINATED | FAILED);
   NEEDS_POINTER(value);
-  if (kind != fmi2LastSuccessfulTime) FAIL(c, "fmi2GetRealStatus: status %d; there is fmi2LastSuccessfulTime", (int)kind);
+  if (kind != fmi2LastSuccessfulTime)
+    FAIL(c, "fmi2GetRealStatus: status %d; there is fmi2LastSuccessfulTime", (int)kind);
   *value = c->unit.time;
   return fmi2OK;
 }
 
 /* feed-through: d unknown / d known . dv, states held, by a central difference */
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2ValueReference unknown[], size_t n_unknown,
-                                        const fmi2ValueReference known[], size_t n_known, const fmi2Real dv[], fmi2Real dz[]) {
+                                        const fmi2ValueReference known[], size_t n_known, const fmi2Real dv[],
+                                        fmi2Real dz[]) {
   NEEDS(INITIALIZATION | STEPPING | TERMINATED);
   if (n_unknown > 0) NEEDS_POINTER(unknown);
   if (n_unknown > 0) NEEDS_POINTER(dz);
@@ -511,7 +522,8 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component component, fmi2FMUstate state, fm
   NEEDS_POINTER(state);
   NEEDS_POINTER(bytes);
   if (size < GUID_SIZE + sizeof(Snapshot))
-    FAIL(c, "fmi2SerializeFMUstate: %u bytes given, %u needed", (unsigned)size, (unsigned)(GUID_SIZE + sizeof(Snapshot)));
+    FAIL(c, "fmi2SerializeFMUstate: %u bytes given, %u needed", (unsigned)size,
+         (unsigned)(GUID_SIZE + sizeof(Snapshot)));
   char guid[GUID_SIZE] = "";
   table_guid(guid);
   memcpy(bytes, guid, GUID_SIZE);
@@ -529,7 +541,8 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes
   if (size < GUID_SIZE + sizeof s || memcmp(bytes, guid, GUID_SIZE) != 0)
     FAIL(c, "fmi2DeSerializeFMUstate: these %u bytes are no state of a %s %s", (unsigned)size, UNIT_NAME, guid);
   memcpy(&s, bytes + GUID_SIZE, sizeof s);
-  if (s.magic != STATE_MAGIC || s.size != sizeof s || !(s.phase & ANY)) FAIL(c, "fmi2DeSerializeFMUstate: the bytes are damaged");
+  if (s.magic != STATE_MAGIC || s.size != sizeof s || !(s.phase & ANY))
+    FAIL(c, "fmi2DeSerializeFMUstate: the bytes are damaged");
   Snapshot *fresh = *state ? *state : malloc(sizeof s);
   if (!fresh) FAIL(c, "fmi2DeSerializeFMUstate: out of memory");
   *fresh = s;

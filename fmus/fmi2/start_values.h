@@ -51,7 +51,8 @@ static inline bool set_start(Unit *m, const char *name, double value) {
   for (int i = 0; i < N_PUBLIC; i++) {
     const RealInfo *r = &REAL_INFO[i];
     if (strcmp(full_name(known, r->term, r->name), name) != 0) continue;
-    if (!(value >= r->min && value <= r->max) || r->kind == IS_OUTPUT || r->kind == IS_INTEGRAL || r->kind == IS_LOCAL) return false;
+    if (!(value >= r->min && value <= r->max) || r->kind == IS_OUTPUT || r->kind == IS_INTEGRAL || r->kind == IS_LOCAL)
+      return false;
     m->real[i] = value;
     if (r->kind == IS_INPUT) m->u[i - FIRST_INPUT].c[0] = value;
     return true;
@@ -96,7 +97,8 @@ static inline bool apply_late(const LateValues *late, Unit *m) {
 }
 
 /* resources/ of one instance into its start values, if the file's guid is the one asked for */
-static inline StartFile read_start_values(Unit *m, LateValues *late, const char *resources, const char *guid, char why[256]) {
+static inline StartFile read_start_values(Unit *m, LateValues *late, const char *resources, const char *guid,
+                                          char why[256]) {
   char path[4096], line[256], name[NAME_SIZE], text[96];
   if (!resources || strlen(resources) > 4000) return START_NONE;
   uri_to_path(path, sizeof path, resources, "start_values.txt");
@@ -114,7 +116,8 @@ static inline StartFile read_start_values(Unit *m, LateValues *late, const char 
       if (parts == 2 && end != text && set_start(m, name, value)) continue;
       if (parts == 3 && end != text && set_late(late, m, name, value, from)) continue;
       line[strcspn(line, "\r\n")] = 0;
-      snprintf(why, 256, "resources/start_values.txt: \"%.160s\" names no start value of a %s within its bounds", line, UNIT_NAME);
+      snprintf(why, 256, "resources/start_values.txt: \"%.160s\" names no start value of a %s within its bounds", line,
+               UNIT_NAME);
       result = START_BAD;
     }
   } else {

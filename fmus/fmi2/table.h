@@ -26,18 +26,24 @@ typedef struct {
 } DiscreteInfo;
 
 static const RealInfo REAL_INFO[] = {
-#define STATE(name, unit, nominal, causality, text) {IS_STATE, "", #name, unit, 0, -DBL_MAX, DBL_MAX, nominal, text, #causality},
+#define STATE(name, unit, nominal, causality, text)                                                                    \
+  {IS_STATE, "", #name, unit, 0, -DBL_MAX, DBL_MAX, nominal, text, #causality},
 #include "fmi2/rows.h"
-#define INTEGRAL(name, unit, nominal, text) {IS_INTEGRAL, "", #name, unit, 0, -DBL_MAX, DBL_MAX, nominal, text, "output"},
+#define INTEGRAL(name, unit, nominal, text)                                                                            \
+  {IS_INTEGRAL, "", #name, unit, 0, -DBL_MAX, DBL_MAX, nominal, text, "output"},
 #include "fmi2/rows.h"
-#define INPUT(name, unit, start, nominal, text) {IS_INPUT, "", #name, unit, start, -DBL_MAX, DBL_MAX, nominal, text, ""},
+#define INPUT(name, unit, start, nominal, text)                                                                        \
+  {IS_INPUT, "", #name, unit, start, -DBL_MAX, DBL_MAX, nominal, text, ""},
 #include "fmi2/rows.h"
-#define OUTPUT(name, unit, nominal, feeds, text) {IS_OUTPUT, "", #name, unit, 0, -DBL_MAX, DBL_MAX, nominal, text, feeds},
+#define OUTPUT(name, unit, nominal, feeds, text)                                                                       \
+  {IS_OUTPUT, "", #name, unit, 0, -DBL_MAX, DBL_MAX, nominal, text, feeds},
 #include "fmi2/rows.h"
 #define LOCAL(name, unit, nominal, text) {IS_LOCAL, "", #name, unit, 0, -DBL_MAX, DBL_MAX, nominal, text, ""},
 #include "fmi2/rows.h"
-#define PARAMETER(term, name, unit, start, min, max, text) {IS_PARAMETER, #term, #name, unit, start, min, max, 1, text, ""},
-#define SHAPE(term, name, unit, start, min, max, from, to, scan, points, text) {IS_PARAMETER, #term, #name, unit, start, min, max, 1, text, ""},
+#define PARAMETER(term, name, unit, start, min, max, text)                                                             \
+  {IS_PARAMETER, #term, #name, unit, start, min, max, 1, text, ""},
+#define SHAPE(term, name, unit, start, min, max, from, to, scan, points, text)                                         \
+  {IS_PARAMETER, #term, #name, unit, start, min, max, 1, text, ""},
 #include "fmi2/rows.h"
 };
 
@@ -91,8 +97,8 @@ static inline void table_guid(char out[GUID_SIZE]) {
   hash_text(h, UNIT_NAME);
   for (int i = 0; i < N_PUBLIC; i++) {
     const RealInfo *r = &REAL_INFO[i];
-    snprintf(row, sizeof row, "%d %s.%s %s %.17g %.17g %.17g %.17g %s", (int)r->kind, r->term, r->name, r->unit, r->start, r->min,
-             r->max, r->nominal, r->feeds);
+    snprintf(row, sizeof row, "%d %s.%s %s %.17g %.17g %.17g %.17g %s", (int)r->kind, r->term, r->name, r->unit,
+             r->start, r->min, r->max, r->nominal, r->feeds);
     hash_text(h, row);
   }
   for (int i = 1; i < N_INTEGER; i++) {
@@ -106,7 +112,8 @@ static inline void table_guid(char out[GUID_SIZE]) {
     hash_text(h, row);
   }
   snprintf(out, GUID_SIZE, "{%08x-%04x-%04x-%04x-%08x%04x}", (unsigned)(h[0] >> 32), (unsigned)(h[0] >> 16) & 0xffffu,
-           (unsigned)h[0] & 0xffffu, (unsigned)(h[1] >> 48) & 0xffffu, (unsigned)(h[1] >> 16), (unsigned)h[1] & 0xffffu);
+           (unsigned)h[0] & 0xffffu, (unsigned)(h[1] >> 48) & 0xffffu, (unsigned)(h[1] >> 16),
+           (unsigned)h[1] & 0xffffu);
 }
 
 #endif

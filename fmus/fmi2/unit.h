@@ -61,7 +61,8 @@ enum RealReference {
   FIRST_DER = N_PUBLIC,
   N_REAL = N_PUBLIC + N_X
 };
-enum IntegerReference { /* 0 stays free: a unit may have none */
+/* 0 stays free: a unit may have none */
+enum IntegerReference {
   VR_NO_INTEGER,
 #define CHOICE(term, name, ...) VR_##term##_##name,
 #define COUNT(term, name, ...) VR_##term##_##name,

@@ -52,7 +52,8 @@ static void unit_equations(Unit *m) {
     m->e_c = p.e[2];
   }
   if (m->torque_saturation_s != 0) tau_e *= 1 - m->torque_saturation_s * square(i);
-  if (m->torque_ripple_A != 0) tau_e *= 1 + m->torque_ripple_A * sin(m->torque_ripple_n * m->phi + m->torque_ripple_phi_0);
+  if (m->torque_ripple_A != 0)
+    tau_e *= 1 + m->torque_ripple_A * sin(m->torque_ripple_n * m->phi + m->torque_ripple_phi_0);
 
   /* (J + J_coupled) dw/dt = tau_e - tau_f - tau, eq. 2.2 */
   double tau_f = friction(m, m->w);

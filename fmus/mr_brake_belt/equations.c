@@ -56,7 +56,8 @@ static void unit_equations(Unit *m) {
 
   /* J_b dw_b/dt = tau_belt - (tau_m + tau_off) sgn(w_b, w_b0) - d_off w_b */
   const double tau_field = m->brake_fade_x != 0 ? m->tau_m / (1 + m->brake_fade_x * m->E) : m->tau_m;
-  double tau_b = tau_belt - (tau_field + m->brake_tau_off) * sgn(w_b, m->brake_w_b0) - m->brake_d_off * w_b + m->tau_b_add;
+  double tau_b =
+      tau_belt - (tau_field + m->brake_tau_off) * sgn(w_b, m->brake_w_b0) - m->brake_d_off * w_b + m->tau_b_add;
   m->der_z_h = 0;
   if (m->brake_hysteresis_T != 0) {
     m->der_z_h = (w_b - fabs(w_b) * m->z_h) / m->brake_hysteresis_phi_h;

@@ -2,7 +2,16 @@
  * Table 2.3 of the thesis; its row 2 (ring in, sun held) is the smallest reduction, not the largest. */
 #include "fmi2/unit.h"
 
-enum { SUN_IN_CARRIER_OUT = 1, RING_IN_CARRIER_OUT, SUN_IN_RING_OUT, RING_IN_SUN_OUT, CARRIER_IN_RING_OUT, CARRIER_IN_SUN_OUT, LOCKED, NEUTRAL };
+enum {
+  SUN_IN_CARRIER_OUT = 1,
+  RING_IN_CARRIER_OUT,
+  SUN_IN_RING_OUT,
+  RING_IN_SUN_OUT,
+  CARRIER_IN_RING_OUT,
+  CARRIER_IN_SUN_OUT,
+  LOCKED,
+  NEUTRAL
+};
 
 /* input speed over output speed; infinite where nothing is held and no torque passes */
 static inline double stage_ratio(int member, double z_s, double z_r) {

@@ -5,15 +5,16 @@
 #include <stdio.h>
 
 static int messages;
-static void logger(fmi2ComponentEnvironment e, fmi2String name, fmi2Status status, fmi2String category, fmi2String format, ...) {
+static void logger(fmi2ComponentEnvironment e, fmi2String name, fmi2Status status, fmi2String category,
+                   fmi2String format, ...) {
   (void)e, (void)name, (void)status, (void)category, (void)format;
   messages++;
 }
 static const fmi2CallbackFunctions CALLBACKS = {logger, calloc, free, NULL, NULL};
 
-#define OK(call) \
+#define OK(call)                                                                                                       \
   if ((call) != fmi2OK) return printf("%s:%d: " #call "\n", UNIT_NAME, __LINE__), 1
-#define REFUSED(call) \
+#define REFUSED(call)                                                                                                  \
   if ((call) != fmi2Error) return printf("%s:%d: accepted: " #call "\n", UNIT_NAME, __LINE__), 1
 
 static int set_terms(fmi2Component c) {

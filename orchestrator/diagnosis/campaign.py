@@ -198,6 +198,12 @@ def holdouts(path: Path) -> list[Path]:
     return [file for file in files if file.is_file()]
 
 
+def missing_recordings(path: Path) -> list[Path]:
+    """Recordings that a campaign names and that are not there."""
+    files = [path.parent / entry.file for entry in read_campaign_file(path).recording]
+    return [file for file in files if not file.is_file()]
+
+
 def _join_published_holdout(path: Path, given: CampaignFile) -> None:
     """A sealed case's held-out run is published as holdout.parquet beside a campaign.toml of before."""
     file = "holdout.parquet"

@@ -14,7 +14,7 @@ from typing import Any
 
 from joblib import Parallel, delayed
 
-from orchestrator.diagnosis.campaign import holdouts
+from orchestrator.diagnosis.campaign import holdouts, missing_recordings
 from orchestrator.diagnosis.score import broken_seals, read_object, scoreboard
 from orchestrator.diagnosis.store import write_atomically
 from orchestrator.errors import UserError
@@ -25,9 +25,9 @@ class CaseResult:
     """What became of one case."""
 
     case: str
-    status: str  # "kept", "done" or "failed"
+    status: str  # "kept", "done", "failed", or "absent": its recordings are not here
     seconds: float
-    message: str = ""  # of a failure: its last line
+    message: str = ""  # of a failure: its last line; of what is absent: the first file
 
 
 @dataclass(frozen=True)
@@ -90,6 +90,8 @@ def _published(path: Path) -> dict[str, Any] | None:
 def _case(campaign: Path, out: Path, baseline: str | None) -> CaseResult:
     """One case through the command line that anyone would use."""
     begin = time.monotonic()
+    if absent := missing_recordings(campaign / "campaign.toml"):
+        return CaseResult(campaign.name, "absent", 0.0, f"{absent[0].name} is not here, the answer stays as it is")
     option = ["--baseline", baseline] if baseline else []
     calls = []
     if not (out / "diagnosis.json").is_file():

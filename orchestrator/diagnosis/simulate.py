@@ -15,8 +15,8 @@ from orchestrator.errors import UserError, among
 from orchestrator.system.model import Inputs, System, Value
 
 # Reversals of a healthy campaign with its true parameters, whose noise is 4.01 mA; rms of recording - simulation of the
-# current: 4.64 mA with steps of 0.5 ms, 4.03 mA with 0.2 ms, 4.01 mA with 0.1 ms and with adaptive steps, which take 2.5
-# times as long: impacts in the gearhead's gap.
+# current: 4.64 mA with steps of 0.5 ms, 4.03 mA with 0.2 ms, 4.01 mA with 0.1 ms and with adaptive steps, which take
+# 2.5 times as long: impacts in the gearhead's gap.
 FINE = replace(SCHEMES["gauss_seidel_extrapolated"], step=1e-4)
 
 

@@ -25,6 +25,7 @@ def sealed_set(folder: Path, diagnoses: list[dict | None], published: bool) -> N
     for case, diagnosis in zip(answers, diagnoses, strict=True):
         (folder / case).mkdir()
         (folder / case / "campaign.toml").write_text(CAMPAIGN)
+        (folder / case / "load.parquet").touch()  # there; a kept answer does not read it
         if diagnosis is not None:
             (folder / case / "diagnosis.json").write_text(json.dumps(diagnosis))
     (folder / "seals.json").write_text(json.dumps({case: seal(answer) for case, answer in answers.items()}))
@@ -43,6 +44,23 @@ def test_finished_cases_are_kept_as_they_are_and_scored(tmp_path: Path) -> None:
     assert proof.score["summary"]["right"] == {"k": 2, "n": 3, "rate": 0.6667, "ci95": [0.208, 0.939]}
     assert proof.score["summary"]["healthy_with_a_claim"]["k"] == 1
     assert json.loads((tmp_path / "scoreboard.json").read_text())["summary"] == proof.score["summary"]
+
+
+def test_a_case_without_its_recordings_is_left_as_it_is_and_said(tmp_path: Path) -> None:
+    sealed_set(tmp_path, [HEALTHY, None], published=False)
+    for case in ("case00", "case01"):
+        (tmp_path / case / "load.parquet").unlink()
+    results = prove(tmp_path, jobs=1).results
+    assert [(r.case, r.status) for r in results] == [("case00", "absent"), ("case01", "absent")]
+    assert "load.parquet is not here" in results[0].message
+
+
+def test_a_case_that_fails_is_reported_and_does_not_stop_the_rest(tmp_path: Path) -> None:
+    """The empty file of case01 is no Parquet file."""
+    sealed_set(tmp_path, [HEALTHY, None, HEALTHY], published=False)
+    results = prove(tmp_path, jobs=2).results
+    assert [r.status for r in results] == ["kept", "failed", "kept"]
+    assert "load.parquet: cannot be read as parquet" in results[1].message
 
 
 def test_without_answers_there_is_no_score_and_no_seal_to_check(tmp_path: Path) -> None:

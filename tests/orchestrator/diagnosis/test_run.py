@@ -182,6 +182,7 @@ def test_a_set_is_scored_by_the_command_and_a_broken_seal_fails_it(tmp_path: Pat
     commands.register(app)
     (tmp_path / "case01").mkdir()
     (tmp_path / "case01/campaign.toml").write_text('[[recording]]\nfile = "load.parquet"\n')
+    (tmp_path / "case01/load.parquet").touch()
     (tmp_path / "case01/diagnosis.json").write_text('{"verdict": "nothing_missing", "findings": []}')
     answers = {"case01": {"effects": [], "salt": "s"}}
     (tmp_path / "answers.json").write_text(json.dumps(answers))

@@ -1,5 +1,6 @@
 /* The drive: from set value and measurements to the voltage between the active terminals. */
 #include "fmi2/unit.h"
+#include "motor_bldc/open_bridge.h"
 
 /* continuous limit once the heat above it, integral of i^2 - i_cont^2, has used up t_peak at i_peak */
 static inline double current_limit(const Unit *m) {
@@ -19,9 +20,7 @@ static inline double drive(Unit *m, double i, double e, double R) {
   double v;
   m->der_q_i = 0;
   m->der_q_t = limited && (m->q_t > 0 || fabs(i) > m->drive_i_cont) ? square(i) - square(m->drive_i_cont) : 0;
-  if (!m->enable) { /* diodes against the supply until the current is gone, then open */
-    return e - m->inverter_v_bus * sgn(i, 0.05);
-  }
+  if (!m->enable) return open_bridge_voltage(m, i, e);
   if (m->drive_mode == 1) {
     v = m->drive_k_v * m->set_value + m->drive_ixr * R * i;
     if (limited) { /* no more voltage above the back-EMF than drives the largest current through the winding */

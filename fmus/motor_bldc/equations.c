@@ -2,11 +2,13 @@
 #define UNIT_EVENTS
 #define UNIT_SAMPLED
 #include "fmi2/unit.h"
+
+enum { AVERAGED = 1, SIMSCAPE, COMPREHENSIVE };
+
 #include "friction/friction.h"
 #include "motor_bldc/drive.h"
 #include "motor_bldc/three_phase.h"
 
-enum { AVERAGED = 1, SIMSCAPE, COMPREHENSIVE };
 static const int HALL[6] = {1, 3, 2, 6, 4, 5}; /* H1 + 2*H2 + 4*H3 per sector, Table 2.2 */
 
 static void unit_start(Unit *m) {
@@ -30,9 +32,11 @@ static void unit_equations(Unit *m) {
 
   /* drive and inverter */
   double v = drive(m, i, e, m->winding_R);
-  if (m->supply_sag_R_s != 0) v -= m->supply_sag_R_s * i * square(v / m->inverter_v_bus);
-  if (m->dead_time_V != 0) v -= m->dead_time_V * sgn(i, m->dead_time_i_0);
-  v += m->v_add;
+  if (m->enable) {
+    if (m->supply_sag_R_s != 0) v -= m->supply_sag_R_s * i * square(v / m->inverter_v_bus);
+    if (m->dead_time_V != 0) v -= m->dead_time_V * sgn(i, m->dead_time_i_0);
+    v += m->v_add;
+  }
 
   /* L di/dt = v - R i - k w, eq. 2.5; or three phases, eq. 2.9 to 2.16 */
   double tau_e;
@@ -110,13 +114,45 @@ static void unit_sample(Unit *m) {
   m->counted[1] = m->time;
 }
 
+static void phase_currents(const Unit *m, double i[3]) {
+  const bool averaged = m->motor_level == AVERAGED;
+  i[0] = averaged ? m->x_i : m->x_ia;
+  i[1] = averaged ? 0 : m->x_ib;
+  i[2] = averaged ? 0 : -m->x_ia - m->x_ib;
+}
+
+static void open_bridge_indicators(const Unit *m, double z[N_EVENT]) {
+  int leg, side, high, low;
+  double i[3];
+  phase_currents(m, i);
+  if (m->motor_level == AVERAGED) {
+    z[EVENT_leg_opens] = ending(m, i, 1, &leg);
+    if (m->leg[0] == 0) z[EVENT_leg_conducts] = fabs(m->winding_k * m->w) - m->inverter_v_bus;
+    return;
+  }
+  const Phases p = three_phases(m, 0, m->winding_R, i);
+  z[EVENT_leg_opens] = ending(m, i, 3, &leg);
+  if (!isnan(p.v_floating)) {
+    z[EVENT_leg_conducts] = beyond(m, p.v_floating, p.e, &leg, &side);
+  } else {
+    largest_and_smallest(p.e, &high, &low);
+    z[EVENT_leg_conducts] = p.e[high] - p.e[low] - m->inverter_v_bus;
+  }
+}
+
 static void unit_indicators(const Unit *m, double z[N_EVENT]) {
   for (int k = 0; k < N_EVENT; k++) z[k] = -1;
+  if (m->off[0] == (m->enable != 0)) {
+    z[EVENT_bridge] = 1;
+    return;
+  }
+  if (m->off[0]) open_bridge_indicators(m, z);
   if (m->motor_level == AVERAGED) return;
   z[EVENT_forward] = m->phi - sector_start(m->sector[0] + 1);
   z[EVENT_backward] = sector_start(m->sector[0]) - m->phi;
-  if (!m->enable) return;
-  const double i3[3] = {m->x_ia, m->x_ib, -m->x_ia - m->x_ib};
+  if (m->off[0]) return;
+  double i3[3];
+  phase_currents(m, i3);
   const int f = FLOATING[modulo6(m->sector[0])];
   if (m->diode[0] == OPEN) {
     const double edge = m->inverter_v_bus / 2;
@@ -128,25 +164,77 @@ static void unit_indicators(const Unit *m, double z[N_EVENT]) {
   }
 }
 
-static void set_floating_current_to_zero(Unit *m, int f) {
-  const double half = (f == 0 ? m->x_ia : f == 1 ? m->x_ib : -m->x_ia - m->x_ib) / 2;
-  m->x_ia = f == 0 ? 0 : m->x_ia + half;
-  m->x_ib = f == 1 ? 0 : f == 2 ? -m->x_ia : m->x_ib + half;
+static void set_current_to_zero(Unit *m, int x) {
+  const double half = (x == 0 ? m->x_ia : x == 1 ? m->x_ib : -m->x_ia - m->x_ib) / 2;
+  m->x_ia = x == 0 ? 0 : m->x_ia + half;
+  m->x_ib = x == 1 ? 0 : x == 2 ? -m->x_ia : m->x_ib + half;
+}
+
+/* the phase that opens keeps its current on a diode */
+static void open_floating_phase(Unit *m) {
+  double i3[3];
+  phase_currents(m, i3);
+  const int f = FLOATING[modulo6(m->sector[0])];
+  m->diode[0] = fabs(i3[f]) < 1e-12 ? OPEN : i3[f] > 0 ? TO_GROUND : TO_SUPPLY;
+  if (m->diode[0] == OPEN) set_current_to_zero(m, f);
+}
+
+static void switch_bridge(Unit *m) {
+  double i[3];
+  phase_currents(m, i);
+  m->off[0] = !m->enable;
+  for (int x = 0; x < 3; x++) m->leg[x] = m->off[0] ? leg_of(i[x]) : 0;
+  m->q_i = 0;
+  if (!m->off[0] && m->motor_level != AVERAGED) open_floating_phase(m);
+}
+
+static void open_leg(Unit *m) {
+  int x = 0;
+  double i[3];
+  phase_currents(m, i);
+  ending(m, i, m->motor_level == AVERAGED ? 1 : 3, &x);
+  m->leg[x] = 0;
+  if (m->motor_level == AVERAGED) {
+    m->x_i = 0;
+    return;
+  }
+  set_current_to_zero(m, x);
+  if ((m->leg[0] != 0) + (m->leg[1] != 0) + (m->leg[2] != 0) < 2) /* a single leg carries nothing */
+    m->leg[0] = m->leg[1] = m->leg[2] = 0, m->x_ia = m->x_ib = 0;
+}
+
+static void turn_on_diode(Unit *m) {
+  if (m->motor_level == AVERAGED) {
+    m->leg[0] = m->w > 0 ? 1 : -1;
+    return;
+  }
+  int x = 0, side = 0, high, low;
+  double i[3];
+  phase_currents(m, i);
+  const Phases p = three_phases(m, 0, m->winding_R, i);
+  if (!isnan(p.v_floating)) {
+    beyond(m, p.v_floating, p.e, &x, &side);
+    m->leg[x] = side;
+  } else {
+    largest_and_smallest(p.e, &high, &low);
+    m->leg[high] = 1;
+    m->leg[low] = -1;
+  }
 }
 
 static void unit_event(Unit *m, int event) {
-  if (event == EVENT_freewheel_end) {
-    m->diode[0] = OPEN;
-    set_floating_current_to_zero(m, FLOATING[modulo6(m->sector[0])]);
-  } else if (event == EVENT_diode_high) {
-    m->diode[0] = TO_SUPPLY;
-  } else if (event == EVENT_diode_low) {
-    m->diode[0] = TO_GROUND;
-  } else { /* commutation: the phase that opens keeps its current on a diode */
-    m->sector[0] += event == EVENT_forward ? 1 : -1;
-    const double i3[3] = {m->x_ia, m->x_ib, -m->x_ia - m->x_ib};
-    const int f = FLOATING[modulo6(m->sector[0])];
-    m->diode[0] = fabs(i3[f]) < 1e-12 ? OPEN : i3[f] > 0 ? TO_GROUND : TO_SUPPLY;
-    if (m->diode[0] == OPEN) set_floating_current_to_zero(m, f);
+  switch (event) {
+    case EVENT_bridge: switch_bridge(m); break;
+    case EVENT_leg_opens: open_leg(m); break;
+    case EVENT_leg_conducts: turn_on_diode(m); break;
+    case EVENT_diode_high: m->diode[0] = TO_SUPPLY; break;
+    case EVENT_diode_low: m->diode[0] = TO_GROUND; break;
+    case EVENT_freewheel_end:
+      m->diode[0] = OPEN;
+      set_current_to_zero(m, FLOATING[modulo6(m->sector[0])]);
+      break;
+    default: /* commutation */
+      m->sector[0] += event == EVENT_forward ? 1 : -1;
+      if (!m->off[0]) open_floating_phase(m);
   }
 }

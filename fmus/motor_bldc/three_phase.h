@@ -1,5 +1,6 @@
 /* Three phases in star, six-step commutation, floating third phase. Voltages against the middle of the supply. */
 #include "fmi2/unit.h"
+#include "motor_bldc/open_bridge.h"
 
 /* trapezoid, eq. 2.17: flat over 120 degrees, +1 from 30 to 150 degrees */
 static inline double trapezoid(double theta) {
@@ -17,7 +18,7 @@ static inline int sector_of(double phi) { return (int)floor((phi - PI / 6) / (PI
 static inline int modulo6(int n) { return ((n % 6) + 6) % 6; }
 
 typedef struct {
-  double e[3], der[3], v_floating;
+  double e[3], der[3], v_floating; /* v_floating: of the floating phase; of the star point while the bridge is off */
 } Phases;
 
 static inline Phases three_phases(const Unit *m, double v, double R, const double i[3]) {
@@ -25,16 +26,13 @@ static inline Phases three_phases(const Unit *m, double v, double R, const doubl
   const double R_ph = R / 2, L_ph = m->winding_L / 2, v_bus = m->inverter_v_bus;
   const int n = modulo6(m->sector[0]), h = HIGH[n], l = LOW[n], f = FLOATING[n];
   for (int x = 0; x < 3; x++) p.e[x] = m->winding_k / 2 * m->w * trapezoid(m->phi - x * 2 * PI / 3);
+  if (!m->enable) {
+    p.v_floating = open_bridge(m, R, i, p.e, p.der);
+    return p;
+  }
   double u[3];
   u[h] = v / 2;
   u[l] = -v / 2;
-  if (!m->enable) { /* all six switches open: each phase on the diode its current needs */
-    for (int x = 0; x < 3; x++) u[x] = -v_bus / 2 * sgn(i[x], 0.05) + p.e[x] * (1 - square(sgn(i[x], 0.05)));
-    const double star = (u[0] + u[1] + u[2] - p.e[0] - p.e[1] - p.e[2]) / 3;
-    for (int x = 0; x < 3; x++) p.der[x] = (u[x] - star - p.e[x] - R_ph * i[x]) / L_ph;
-    p.v_floating = 0;
-    return p;
-  }
   if (m->diode[0] == OPEN) {
     const double star = -(p.e[h] + p.e[l]) / 2;
     p.v_floating = star + p.e[f];

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import joblib
+
 import orchestrator
 from orchestrator.diagnosis.campaign import Campaign
-from orchestrator.diagnosis.compare import Comparison, channel_figures, compare
+from orchestrator.diagnosis.compare import Comparison, channel_figures
 from orchestrator.diagnosis.conditioning import ChannelQuality, condition
 from orchestrator.diagnosis.correction import formula_parameters, table_parameters
 from orchestrator.diagnosis.diagnosis import Diagnosis, Finding
 from orchestrator.diagnosis.export import Correction, write_repair
 from orchestrator.diagnosis.report import ReportData, TermText, verdict_sentence, write_report
-from orchestrator.diagnosis.simulate import Simulator
-from orchestrator.diagnosis.store import Store
-from orchestrator.diagnosis.verify import repaired_systems, write_json
+from orchestrator.diagnosis.store import Store, write_atomically
+from orchestrator.diagnosis.verify import DISCREPANCY, compare_systems, write_json
 from orchestrator.errors import UserError, among
 from orchestrator.system.model import System
 from orchestrator.system.read import load_system
@@ -52,7 +52,9 @@ def diagnose_campaign(
     write_repair(systems, diagnosis.parameters("repaired"), out, onsets=diagnosis.onsets, corrections=corrections)
     say("comparing")
     quality = condition(campaign)
-    compared = compare_variants(campaign, systems, diagnosis, repaired_systems(campaign, out))
+    if discrepancy := getattr(diagnosis, "discrepancy", None):
+        write_atomically(out / DISCREPANCY, lambda file: joblib.dump(discrepancy, file))
+    compared = compare_systems(campaign, campaign.recordings, out, diagnosis.parameters("calibrated"))
     diagnosis.channels = channels(compared, quality)
     content = diagnosis.to_json()
     say("reporting")
@@ -112,19 +114,6 @@ def correction(number: int, finding: Finding) -> Correction:
         raise ValueError(f"{finding.term}: a shape without formula and without table")
     own = tuple(signal if "." in signal else f"{finding.component}.{signal}" for signal in signals)
     return Correction(name, form.port, own, parameters)
-
-
-def compare_variants(
-    campaign: Campaign, systems: Mapping[str, System], diagnosis: Diagnosis, repaired: Mapping[str, System]
-) -> list[Comparison]:
-    """Every recording beside the nominal, the calibrated and the repaired system, the last as exported."""
-    with ExitStack() as stack:
-        simulators = {
-            "nominal": stack.enter_context(Simulator(systems)),
-            "calibrated": stack.enter_context(Simulator(systems, diagnosis.parameters("calibrated"))),
-            "repaired": stack.enter_context(Simulator(repaired)),
-        }
-        return compare(campaign.recordings, simulators)
 
 
 def channels(compared: Sequence[Comparison], quality: Mapping[str, ChannelQuality]) -> dict[str, dict[str, Any]]:

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+import joblib
 import pyarrow.parquet
 
 from orchestrator.diagnosis.campaign import Campaign
 from orchestrator.diagnosis.compare import Comparison, channel_figures, compare, table
+from orchestrator.diagnosis.compare import Simulator as Simulate
 from orchestrator.diagnosis.conditioning import condition
+from orchestrator.diagnosis.recording import Recording
 from orchestrator.diagnosis.score import read_object
 from orchestrator.diagnosis.simulate import Simulator
 from orchestrator.diagnosis.store import plain, write_atomically
 from orchestrator.errors import UserError
 from orchestrator.system.model import System
 from orchestrator.system.read import load_system
+
+DISCREPANCY = "discrepancy.joblib"  # of a baseline that corrects outputs instead of the system
 
 
 def verify(folder: Path, campaign: Campaign) -> dict[str, Any]:
@@ -31,7 +36,8 @@ def verify(folder: Path, campaign: Campaign) -> dict[str, Any]:
     diagnosis = read_diagnosis(folder)
     if not campaign.holdout:
         raise UserError(f'{campaign.path}: no recording has role = "holdout", one at least is needed to verify')
-    compared = compare_systems(campaign, folder, diagnosis)
+    calibrated = {name: estimate["value"] for name, estimate in diagnosis["calibrated"].items()}
+    compared = compare_systems(campaign, campaign.holdout, folder, calibrated)
     quality = condition(campaign)
     figures = channel_figures(compared)
     noise = {name: (diagnosis["channels"].get(name) or {}).get("noise") or quality[name].noise for name in figures}
@@ -49,17 +55,22 @@ def read_diagnosis(folder: Path) -> dict[str, Any]:
     return diagnosis
 
 
-def compare_systems(campaign: Campaign, folder: Path, diagnosis: Mapping[str, Any]) -> list[Comparison]:
-    """Held-out recordings beside the system as specified, re-fitted, and repaired (the SSP files of the folder)."""
+def compare_systems(
+    campaign: Campaign, recordings: Sequence[Recording], folder: Path, calibrated: Mapping[str, float]
+) -> list[Comparison]:
+    """Recordings beside the system as specified, as re-fitted, and as repaired: the last are the SSP files of the
+    folder.
+    """
     nominal = {setup: load_system(path) for setup, path in campaign.setups.items()}
-    calibrated = {name: estimate["value"] for name, estimate in diagnosis["calibrated"].items()}
     with ExitStack() as stack:
-        simulators = {
+        simulators: dict[str, Simulate] = {
             "nominal": stack.enter_context(Simulator(nominal)),
             "calibrated": stack.enter_context(Simulator(nominal, calibrated)),
             "repaired": stack.enter_context(Simulator(repaired_systems(campaign, folder))),
         }
-        return compare(campaign.holdout, simulators)
+        if (folder / DISCREPANCY).is_file():
+            simulators["repaired"] = joblib.load(folder / DISCREPANCY).around(simulators["repaired"])
+        return compare(recordings, simulators)
 
 
 def repaired_systems(campaign: Campaign, folder: Path) -> dict[str, System]:

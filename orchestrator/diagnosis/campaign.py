@@ -61,13 +61,16 @@ class Logged(_Model):
     setups: list[str] | None = None  # where it exists; None: in all
 
 
+First = Annotated[str, Field(pattern=r"^first sample( of .+)?$")]  # of the channel of the same name, or of another
+
+
 class RecordingEntry(_Model):
     """One [[recording]] of campaign.toml."""
 
     file: str
     setup: str | None = None
     role: Role = "train"
-    initial: dict[str, float | Literal["first sample"]] = Field(default_factory=dict)
+    initial: dict[str, float | First] = Field(default_factory=dict)
     time: str | None = None  # the clock's column, where it has an unusual name
     begin: float | None = None  # s on the file's clock: what lies before is left out
     end: float | None = None

@@ -70,7 +70,8 @@ def read_recording(
 
     connectors: those of this set-up's system, by name. columns: column -> connector; a column may carry its unit in
     brackets, for files that cannot. initial: variable of the system -> value, or "first sample" of the channel of that
-    name. window: what of the file's clock is used, s. late: column -> s by which its stamps are late. Raises UserError.
+    name, "first sample of NAME" of another. window: what of the file's clock is used, s. late: column -> s by which its
+    stamps are late. Raises UserError.
     """
     notes: list[str] = []
     units_of_columns = dict(map(split_header, columns))
@@ -273,11 +274,12 @@ def _initial(
     for name, given in initial.items():
         if isinstance(given, (int, float)):
             values[name] = float(given)
-        elif given == "first sample" and name in series:
-            values[name] = float(series[name][np.argmax(np.isfinite(series[name]))])
-        else:
+            continue
+        channel = given.removeprefix("first sample").removeprefix(" of ") or name
+        if not given.startswith("first sample") or channel not in series:
             raise UserError(
                 f"{path}: initial {name!r} = {given!r} is given, "
                 f'a number or "first sample" of one of {", ".join(series)} is needed'
             )
+        values[name] = float(series[channel][np.argmax(np.isfinite(series[channel]))])
     return values

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 import orchestrator
 from orchestrator.system.model import System
 
+ROWS_PER_GROUP = 20_000  # at least, in each row group but the last
 METADATA = "cobot-joint"  # key of the provenance, JSON, in the Parquet file's metadata
 
 
@@ -36,8 +37,12 @@ def columns_of(system: System) -> dict[str, str | None]:
     return {"time": "s"} | {c.name: c.unit for c in [*system.inputs.values(), *system.outputs.values()]}
 
 
-def provenance(system: System, **more: Any) -> dict[str, Any]:
-    """Where figures come from: versions, the FMUs and every parameter that was set, and what else the caller knows."""
+def provenance(system: System | None, **more: Any) -> dict[str, Any]:
+    """Where figures come from: versions, the FMUs and every parameter that was set, and what else the caller knows.
+
+    `system` of None: a formula, no units.
+    """
+    components = system.components if system else ()
     return {
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "versions": {
@@ -45,12 +50,12 @@ def provenance(system: System, **more: Any) -> dict[str, Any]:
             "python": platform.python_version(),
             **{name: version(name) for name in ("fmpy", "numpy", "pyarrow")},
         },
-        "system": system.name,
+        "system": system.name if system else None,
         "fmus": {
             c.name: {"file": c.unit.path.name, "guid": c.unit.description.guid, "version": c.unit.description.version}
-            for c in system.components
+            for c in components
         },
-        "parameters": {f"{c.name}.{name}": value for c in system.components for name, value in c.parameters.items()},
+        "parameters": {f"{c.name}.{name}": value for c in components for name, value in c.parameters.items()},
         **more,
     }
 
@@ -61,12 +66,20 @@ class SignalsWriter:
     `columns`: signal -> unit, in the file's order. As a context manager; on an exception nothing is left behind.
     """
 
-    def __init__(self, path: Path, columns: Mapping[str, str | None], provenance: Mapping[str, Any]):
+    def __init__(
+        self,
+        path: Path,
+        columns: Mapping[str, str | None],
+        provenance: Mapping[str, Any],
+        rows_per_group: int = ROWS_PER_GROUP,
+    ):
         self.path, self.partial = path, path.with_name(f".{path.name}.{os.getpid()}.partial")
         self.columns = dict(columns)
         self.provenance = dict(provenance)
         fields = [pa.field(header(name, unit), pa.float64()) for name, unit in columns.items()]
         self.schema = pa.schema(fields)
+        self.rows_per_group = rows_per_group
+        self._waiting: list[pa.Table] = []
         self._files = ExitStack()
 
     def __enter__(self) -> SignalsWriter:
@@ -77,18 +90,26 @@ class SignalsWriter:
         return self
 
     def write(self, signals: Mapping[str, NDArray[np.float64]]) -> None:
-        """One row group; signal -> float64[n]. Signals that are not given are 0 throughout."""
+        """The next rows; signal -> float64[n]. Signals that are not given are 0."""
         if unknown := set(signals) - set(self.columns):
             raise KeyError(f"{self.path}: no column for {', '.join(sorted(unknown))}")
         n = len(next(iter(signals.values())))
         arrays = [pa.array(np.asarray(signals.get(name, np.zeros(n)), dtype=np.float64)) for name in self.columns]
-        self._writer.write_table(pa.Table.from_arrays(arrays, schema=self.schema))
+        self._waiting.append(pa.Table.from_arrays(arrays, schema=self.schema))
+        if sum(len(table) for table in self._waiting) >= self.rows_per_group:
+            self._flush()
+
+    def _flush(self) -> None:
+        if self._waiting:
+            self._writer.write_table(pa.concat_tables(self._waiting))
+            self._waiting.clear()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
             if kind is None:
+                self._flush()
                 self._writer.add_key_value_metadata({METADATA: json.dumps(self.provenance)})
             self._files.close()
             if kind is None:

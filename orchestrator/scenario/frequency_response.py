@@ -77,7 +77,7 @@ def read_table(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 def run_frequency_response(
     scenario: FrequencyResponse, out: Path, options: Options, progress: Progress | None
 ) -> Report:
-    """`out`/signals.parquet (first variant), frequency_response.csv, and a Bode plot with the misfit per frequency."""
+    """Series per variant (the first: signals.parquet), frequency_response.csv, Bode plot with misfit per frequency."""
     table_path = (scenario.path.parent if scenario.path else Path()) / scenario.table
     omegas, measured = read_table(table_path)
     where = str(scenario.path or scenario.name)
@@ -88,11 +88,11 @@ def run_frequency_response(
     report = Report(scenario.title or scenario.name)
     for variant in scenario.variants:
         system = variant_system(scenario, variant, options, where)
-        path = out / "signals.parquet" if not responses else None
+        path = out / ("signals.parquet" if not responses else f"signals_{variant.name.replace(' ', '_')}.parquet")
         found = []
-        with _Sink(path, scenario, variant, system, options) as sink:
+        with _writer(path, scenario, variant, system, options) as writer:
             for series in sweep(scenario, variant, system, options, omegas):
-                sink.write(series)
+                _write(writer, series)
                 for name, residual in series.residuals.items():
                     residuals[name] = max(residuals.get(name, 0.0), abs(residual))
                 found.append(respond(series, scenario.settle))
@@ -100,8 +100,7 @@ def run_frequency_response(
                 if progress:
                     progress(done, total)
         responses.append(found)
-        if path:
-            report.files[path] = f"series of {variant.name!r}, units and provenance; time starts anew at each frequency"
+        report.files[path] = f"series of {variant.name!r}, units and provenance; time starts anew at each frequency"
     amplitudes = [np.array([getattr(r, scenario.compared) for r in found]) for found in responses]
     fits = [fit_first_order(omegas, a / scenario.amplitude) for a in amplitudes]
     report.tables = [
@@ -203,35 +202,18 @@ def log_misfit(simulated: NDArray[np.float64], measured: NDArray[np.float64]) ->
     return float(np.sqrt(np.mean(np.log(simulated / measured) ** 2)))
 
 
-class _Sink:
-    """signals.parquet of the first variant; of the others nothing."""
+def _writer(
+    path: Path, scenario: FrequencyResponse, variant: Variant, system: System | None, options: Options
+) -> SignalsWriter:
+    facts = {"scenario": scenario.name, "variant": variant.model_dump(), "level": options.level or "units"}
+    columns = {"time": "s", "omega": "rad/s", "i_command": "A", "i_motor": "A", "w_motor": "rad/s"}
+    return SignalsWriter(path, columns, provenance(system, **facts))
 
-    def __init__(
-        self, path: Path | None, scenario: FrequencyResponse, variant: Variant, system: System | None, options: Options
-    ):
-        self.writer = None
-        if path is not None:
-            facts = {"scenario": scenario.name, "variant": variant.model_dump(), "level": options.level or "units"}
-            columns = {"time": "s", "omega": "rad/s", "i_command": "A", "i_motor": "A", "w_motor": "rad/s"}
-            known = provenance(system, **facts) if system else facts
-            self.writer = SignalsWriter(path, columns, known)
 
-    def __enter__(self) -> _Sink:
-        if self.writer:
-            self.writer.__enter__()
-        return self
-
-    def write(self, s: Series) -> None:
-        if self.writer:
-            self.writer.provenance |= s.coupling
-            omega = np.full_like(s.time, s.omega)
-            self.writer.write(
-                {"time": s.time, "omega": omega, "i_command": s.i_command, "i_motor": s.i, "w_motor": s.w}
-            )
-
-    def __exit__(self, *error: object) -> None:
-        if self.writer:
-            self.writer.__exit__(*error)  # type: ignore[arg-type]
+def _write(writer: SignalsWriter, s: Series) -> None:
+    writer.provenance |= s.coupling
+    omega = np.full_like(s.time, s.omega)
+    writer.write({"time": s.time, "omega": omega, "i_command": s.i_command, "i_motor": s.i, "w_motor": s.w})
 
 
 def _input_times(scenario: FrequencyResponse, omega: float) -> NDArray[np.float64]:

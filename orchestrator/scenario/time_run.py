@@ -18,6 +18,7 @@ from orchestrator.scenario.report import Progress, Report, Table
 from orchestrator.system import Result, load_system
 
 MOST_POINTS = 25_000  # per signal in a picture
+ROWS_PER_CHUNK = 1_000  # between two looks at the progress
 
 
 class Digest:
@@ -71,6 +72,7 @@ def run_over_time(scenario: TimeScenario, out: Path, options: Options, progress:
             output_step=scenario.output_step,
             record=[*system.inputs, *system.outputs],
             progress=progress,
+            rows_per_chunk=ROWS_PER_CHUNK,
             **options.coupling(scenario),
         )
         for last in pieces:

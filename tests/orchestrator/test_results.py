@@ -20,13 +20,13 @@ def test_headers_carry_the_unit(tmp_path: Path) -> None:
     assert pq.read_table(tmp_path / "a.parquet").column_names == ["time [s]", "w [rad/s]", "n [1]"]
 
 
-def test_pieces_become_row_groups_in_order(tmp_path: Path) -> None:
-    pieces = np.split(np.arange(10.0), [3, 4])
-    with SignalsWriter(tmp_path / "a.parquet", UNITS, {}) as writer:
+def test_pieces_are_gathered_into_row_groups_in_order(tmp_path: Path) -> None:
+    pieces = np.split(np.arange(10.0), [1, 4, 9])
+    with SignalsWriter(tmp_path / "a.parquet", UNITS, {}, rows_per_group=3) as writer:
         for piece in pieces:
             writer.write({"time": piece, "w": 2 * piece})
     file = pq.ParquetFile(tmp_path / "a.parquet")
-    assert [file.metadata.row_group(k).num_rows for k in range(file.num_row_groups)] == [3, 1, 6]
+    assert [file.metadata.row_group(k).num_rows for k in range(file.num_row_groups)] == [4, 5, 1]
     np.testing.assert_array_equal(file.read()["w [rad/s]"].to_numpy(), 2 * np.arange(10.0))
     assert not file.read()["n [1]"].to_numpy().any()
 

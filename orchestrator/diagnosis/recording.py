@@ -16,6 +16,7 @@ from orchestrator.errors import UserError
 
 Role = Literal["train", "holdout"]
 GAP = 2.5  # steps between two samples above which what lies between counts as not recorded
+ROUNDED = 0.01  # steps by which the stamps of a regular clock may be off, by rounding
 JITTER = 1e-3  # steps by which a stamp may miss the regular clock before its samples are interpolated onto it
 
 
@@ -165,13 +166,20 @@ def _regular_clock(path: Path, raw: dict[str, Channel], notes: list[str]) -> NDA
     times = list({id(c.time): c.time for c in raw.values()}.values())
     if min(map(len, times)) < 3:
         raise UserError(f"{path}: {min(map(len, times))} usable samples are given, 3 at least are needed")
-    step = min(_nice(float(np.median(np.diff(t)))) for t in times)
+    step = min(_step(t) for t in times)
     start, stop = max(t[0] for t in times), min(t[-1] for t in times)
     if stop - start < 2 * step:
         raise UserError(
             f"{path}: its channels share {max(stop - start, 0.0):g} s, 2 steps of {step:g} s at least are needed"
         )
     return np.asarray(start + step * np.arange(int(np.floor((stop - start) / step + 1e-6)) + 1))
+
+
+def _step(time: NDArray[np.float64]) -> float:
+    """The mean of a clock that is regular up to the rounding of its stamps, else the median: gaps do not count."""
+    mean = (time[-1] - time[0]) / (len(time) - 1)
+    regular = np.abs(time - time[0] - mean * np.arange(len(time))).max() < ROUNDED * mean
+    return _nice(float(mean if regular else np.median(np.diff(time))))
 
 
 def _nice(step: float) -> float:

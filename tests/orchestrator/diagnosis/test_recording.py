@@ -154,3 +154,13 @@ def test_a_window_and_late_stamps_are_put_right(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.outputs["y"], recording.inputs["u"], atol=1e-6)
     with pytest.raises(UserError, match="late: column 'z' is given, u, y are there"):
         read_recording(tmp_path / "a.csv", connectors, {"u": "u", "y": "y"}, late={"z": 0.02})
+
+
+def test_a_regular_clock_with_rounded_stamps_keeps_its_mean_step(tmp_path: Path) -> None:
+    time = np.float32(np.arange(20000) * 1e-3).astype(float)  # single precision: the median step is off by 1e-5
+    np.savetxt(
+        tmp_path / "a.csv", np.column_stack([time, time]), delimiter=",", header="time,y", comments="", fmt="%.9g"
+    )
+    recording = read_recording(tmp_path / "a.csv", {"y": Connector("y", "output")}, {"y": "y"})
+    assert recording.step == pytest.approx(1e-3, rel=1e-7)
+    assert len(recording.time) == 20000

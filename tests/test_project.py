@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 import tomllib
+import zipfile
 from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
@@ -115,12 +116,24 @@ def test_every_unit_has_an_icon(unit: str) -> None:
     assert int.from_bytes(icon[16:20]) == int.from_bytes(icon[20:24]) == 256
 
 
+HOME = re.compile(rb"/(?:home|Users|root|tmp|work)/[\w.-]+/")  # a folder of one machine
+
+
 def test_no_file_names_a_folder_of_one_machine() -> None:
     listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True)
     if listed.returncode:
         pytest.skip("not a git checkout")
-    home = re.compile(rb"/(?:home|Users|root|work)/[\w.]+/")
-    named = [
-        f for f in listed.stdout.split("\n") if f and (ROOT / f).is_file() and home.search((ROOT / f).read_bytes())
-    ]
+    files = [file for file in listed.stdout.splitlines() if (ROOT / file).is_file()]
+    assert [file for file in files if HOME.search((ROOT / file).read_bytes())] == []
+
+
+def test_no_unit_names_a_folder_of_the_machine_that_built_it() -> None:
+    from orchestrator.units import fmu_directories
+
+    units = sorted(fmu_directories()[0].glob("*.fmu"))
+    assert units
+    named = []
+    for unit in units:
+        with zipfile.ZipFile(unit) as archive:
+            named += [f"{unit.name}: {name}" for name in archive.namelist() if HOME.search(archive.read(name))]
     assert not named

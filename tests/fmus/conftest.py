@@ -21,7 +21,7 @@ from fmpy.logging import addLoggerProxy
 
 from orchestrator.units import Unit, find_fmu, load_unit
 
-UNITS = ("motor_bldc", "planetary_gear", "torque_sensor", "mr_brake_belt", "acquisition")
+UNITS = sorted(table.parent.name for table in (Path(__file__).parents[2] / "fmus").glob("*/model.def"))
 
 Values = Mapping[str, float]
 Signals = dict[str, np.ndarray]
@@ -133,6 +133,12 @@ class Slave:
 
     def close(self) -> None:
         self.fmu.fmi2FreeInstance(self.fmu.component)
+
+
+@pytest.fixture(params=UNITS)
+def name(request: pytest.FixtureRequest) -> str:
+    """Each unit in turn."""
+    return str(request.param)
 
 
 @pytest.fixture(scope="session")

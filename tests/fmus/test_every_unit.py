@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,15 +13,7 @@ from fmpy.validation import validate_fmu
 
 from orchestrator.units import Unit, find_fmu, load_unit
 
-UNITS = (
-    "motor_bldc",
-    "planetary_gear",
-    "torque_sensor",
-    "mr_brake_belt",
-    "acquisition",
-    "position_loop",
-    "driven_load",
-)
+UNITS = sorted(table.parent.name for table in (Path(__file__).parents[2] / "fmus").glob("*/model.def"))
 TERMS = [(name, term.name) for name in UNITS for term in load_unit(find_fmu(f"{name}.fmu")).terms]
 
 Make = Callable[..., Any]
@@ -34,10 +27,21 @@ EXCITATION = {
     "mr_brake_belt": {"tau_s": (0.3, 2.0, 15.0), "i_b": (0.3, 0.3, 11.0), "tau_h": (0.1, 0.1, 7.0)},
     "acquisition": {"i_motor": (0.1, 1.0, 20.0), "w_motor": (100.0, 50.0, 9.0), "tau_sensor": (1.0, 2.0, 31.0)},
     "position_loop": {"phi_ref": (0.0, 0.1, 20.0), "phi": (0.0, 0.05, 30.0), "w": (0.0, 0.3, 15.0)},
+    "correction": {
+        "x": (0.2, 1.0, 20.0),
+        "u1": (0.5, 1.0, 13.0),
+        "u2": (0.3, 0.5, 17.0),
+        "u3": (1.0, 0.2, 5.0),
+        "u4": (2.0, 0.1, 3.0),
+    },
     "driven_load": {"tau": (0.1, 0.3, 20.0), "w_imposed": (1.0, 2.0, 20.0)},
 }
 BASE = {"driven_load": {"friction.tau_C": 0.05, "friction.d": 0.02}}  # what its terms change is zero as it starts
-VARIANTS = {"driven_load": [{"motion.source": 2}]}  # settings under which other inputs feed through
+FEATURE = {"feature1.A": 1.0, **{f"feature1.f{k}": 2 for k in (1, 2, 3, 4)}}  # u1*u2*u3*u4
+VARIANTS = {
+    "driven_load": [{"motion.source": 2}],
+    "correction": [FEATURE],
+}  # settings under which other inputs feed through
 ON = {"presliding.share": 0.5, "sublinear_viscous.x": 0.5, "viscous_warmup.fade": 0.5, "backlash.b_x": 0.002}
 
 
@@ -65,19 +69,16 @@ def excite(slave: Any, end: float = 0.4, h: float = 2e-3) -> np.ndarray:
     return np.array([out[name] for name in outputs])
 
 
-@pytest.mark.parametrize("name", UNITS)
 def test_validation_has_no_finding(load: Load, name: str) -> None:
     assert validate_fmu(str(load(name).path)) == []
 
 
-@pytest.mark.parametrize("name", UNITS)
 def test_unit_simulates_alone(load: Load, name: str) -> None:
     out = simulate_fmu(str(load(name).path), stop_time=1.0, output_interval=0.1)
     assert len(out) == 11
     assert all(np.all(np.isfinite(out[column])) for column in out.dtype.names)
 
 
-@pytest.mark.parametrize("name", UNITS)
 def test_archive_holds_page_icon_and_sources(load: Load, name: str) -> None:
     directory = load(name).directory
     for file in ("documentation/index.html", "model.png", "sources/all.c", "modelDescription.xml"):
@@ -87,7 +88,6 @@ def test_archive_holds_page_icon_and_sources(load: Load, name: str) -> None:
         assert f'id="{term.name}"' in page
 
 
-@pytest.mark.parametrize("name", UNITS)
 def test_every_real_has_a_unit_and_every_moving_one_a_nominal_value(load: Load, name: str) -> None:
     for variable in load(name).variables.values():
         if variable.type == "Real":
@@ -166,7 +166,6 @@ def feed_through(slave: Any, step: float = 1e-6) -> set[tuple[str, str]]:
     return found
 
 
-@pytest.mark.parametrize("name", UNITS)
 def test_feed_through_is_what_the_model_description_declares(load: Load, make: Make, name: str) -> None:
     unit = load(name)
     declared = {
@@ -185,7 +184,6 @@ def test_feed_through_is_what_the_model_description_declares(load: Load, make: M
     assert measured == declared
 
 
-@pytest.mark.parametrize("name", UNITS)
 def test_step_of_ten_milliseconds_equals_ten_of_one(load: Load, make: Make, name: str) -> None:
     ends = []
     for h in (1e-2, 1e-3):
@@ -202,7 +200,6 @@ def test_step_of_ten_milliseconds_equals_ten_of_one(load: Load, make: Make, name
         np.testing.assert_allclose(a, b, atol=tolerance, rtol=tolerance)
 
 
-@pytest.mark.parametrize("name", UNITS)
 def test_fmu_state_continues_bit_by_bit(load: Load, make: Make, name: str) -> None:
     terms_on = {t.amplitude: amplitude_on(load(name), t.amplitude) for t in load(name).terms if t.amplitude}
     extra = {"acquisition": {"noise.sigma_i": 0.1, "noise.sigma_tau": 0.1, "noise.rho_tau": 0.5}}
@@ -225,7 +222,6 @@ def test_fmu_state_continues_bit_by_bit(load: Load, make: Make, name: str) -> No
     other.fmu.freeFMUstate(restored)
 
 
-@pytest.mark.parametrize("name", UNITS)
 def test_instances_do_not_know_of_each_other(make: Make, name: str) -> None:
     alone = excite(make(name))
     a, b = make(name), make(name)
@@ -236,7 +232,6 @@ def test_instances_do_not_know_of_each_other(make: Make, name: str) -> None:
     np.testing.assert_array_equal(halves[0], alone[:, : halves[0].shape[1]])
 
 
-@pytest.mark.parametrize("name", UNITS)
 def test_reset_starts_over(make: Make, name: str) -> None:
     slave = make(name)
     first = excite(slave)
@@ -245,7 +240,6 @@ def test_reset_starts_over(make: Make, name: str) -> None:
     np.testing.assert_array_equal(excite(slave), first)
 
 
-@pytest.mark.parametrize("name", UNITS)
 def test_output_derivatives_are_those_of_the_outputs(load: Load, make: Make, name: str) -> None:
     """against the outputs a few microseconds before and after; what jumps by design is left out"""
     jumps = {"motor_bldc": {"w_reading", "i_a", "i_b", "i_c", "e_a", "e_b", "e_c"}}
@@ -271,7 +265,6 @@ def test_output_derivatives_are_those_of_the_outputs(load: Load, make: Make, nam
     np.testing.assert_allclose(given / scale, measured / scale, rtol=2e-2, atol=2e-2)
 
 
-@pytest.mark.parametrize("name", UNITS)
 def test_directional_derivatives_are_those_of_the_outputs(load: Load, make: Make, name: str) -> None:
     slave = make(name)
     excite(slave, end=0.1)

@@ -17,15 +17,6 @@ from orchestrator.units import Unit
 
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 FLAGS = ["-std=c11", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fno-math-errno", "-fno-trapping-math"]
-NAMES = (
-    "motor_bldc",
-    "planetary_gear",
-    "torque_sensor",
-    "mr_brake_belt",
-    "acquisition",
-    "position_loop",
-    "driven_load",
-)
 
 Load = Callable[[str], Unit]
 
@@ -44,7 +35,6 @@ def compile_c(compiler: str, *arguments: str | Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("name", NAMES)
 def test_sources_compile_and_behave_bit_by_bit_like_the_binary(
     load: Load, instantiate: Callable[..., Any], compiler: str, tmp_path: Path, name: str
 ) -> None:
@@ -73,7 +63,6 @@ def _wave(nominal: float, k: int) -> Callable[[float], float]:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", NAMES)
 def test_simulation_passes_the_address_and_undefined_behaviour_sanitizers(
     load: Load, compiler: str, tmp_path: Path, root: Path, name: str
 ) -> None:

@@ -14,15 +14,6 @@ from fmpy.fmi2 import fmi2CoSimulation, fmi2ModelExchange
 Make = Callable[..., Any]
 Call = Callable[[Any], Any]
 NAN, INF = float("nan"), float("inf")
-NAMES = (
-    "motor_bldc",
-    "planetary_gear",
-    "torque_sensor",
-    "mr_brake_belt",
-    "acquisition",
-    "position_loop",
-    "driven_load",
-)
 
 
 def raw(function: str, *arguments: Any) -> Call:
@@ -109,7 +100,6 @@ def steps(slave: Any, n: int = 20) -> np.ndarray:
     return np.array(rows)
 
 
-@pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("what", WHILE_STEPPING)
 def test_wrong_call_is_refused_with_a_word_and_changes_nothing(make: Make, name: str, what: str) -> None:
     wrong, word = WHILE_STEPPING[what]
@@ -123,7 +113,6 @@ def test_wrong_call_is_refused_with_a_word_and_changes_nothing(make: Make, name:
     np.testing.assert_array_equal(np.vstack([before, steps(slave, 5)]), expected)
 
 
-@pytest.mark.parametrize("name", NAMES)
 def test_list_with_one_wrong_value_sets_none_of_them(make: Make, name: str) -> None:
     slave = make(name)
     inputs = slave.inputs()[:2]
@@ -138,11 +127,10 @@ def bounded_parameters(slave: Any) -> list[tuple[str, float]]:
     for name, v in slave.unit.variables.items():
         if v.causality == "parameter" and v.type == "Real":
             low, high = slave.unit.bounds_of(name)
-            found += [(name, low - 1), (name, high * 2 + 1)]
+            found += [(name, low - 1 - abs(low)), (name, high + 1 + abs(high))]
     return found
 
 
-@pytest.mark.parametrize("name", NAMES)
 def test_parameters_outside_their_bounds_are_refused_with_both_bounds(make: Make, name: str) -> None:
     slave = make(name)
     for parameter, value in bounded_parameters(slave):
@@ -173,7 +161,6 @@ def test_choices_are_checked_and_then_fixed(make: Make, instantiate: Make) -> No
     assert "is fixed" in motor.log[0]
 
 
-@pytest.mark.parametrize("name", NAMES)
 def test_no_step_before_the_initialization(instantiate: Make, name: str) -> None:
     slave = instantiate(name)
     for wrong in (lambda: slave.fmu.doStep(0.0, 1e-3), slave.fmu.exitInitializationMode, slave.fmu.terminate):
@@ -184,7 +171,6 @@ def test_no_step_before_the_initialization(instantiate: Make, name: str) -> None
     slave.step(1e-3)
 
 
-@pytest.mark.parametrize("name", NAMES)
 def test_terminated_unit_can_be_read_and_reset_and_nothing_else(make: Make, name: str) -> None:
     slave = make(name)
     slave.step(1e-3)
@@ -225,7 +211,6 @@ def test_no_step_beyond_the_stop_time(instantiate: Make) -> None:
     assert "stop time" in slave.log[0]
 
 
-@pytest.mark.parametrize("name", NAMES)
 def test_instance_is_refused_with_a_word(instantiate: Make, name: str) -> None:
     slave = instantiate(name)
     guid = slave.unit.description.guid.encode()

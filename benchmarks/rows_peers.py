@@ -37,10 +37,10 @@ def workers(python: str) -> Iterator[tuple[dict[str, Peer], dict[str, str]]]:
             peer.close()
 
 
-def _wall(peer: Peer, wiring: Wiring, runs: dict[str, Run]) -> Callable[[], float]:
+def _timed(peer: Peer, wiring: Wiring, runs: dict[str, Run]) -> Callable[[], float]:
     def contestant() -> float:
         runs[peer.name] = peer.run(wiring)
-        return runs[peer.name].wall
+        return runs[peer.name].seconds
 
     return contestant
 
@@ -57,7 +57,7 @@ def own_cost(python: str) -> list[Row]:
             contestants: dict[str, Callable[[], float]] = {
                 "ours": Ours(simulation, NOTHING, stop, scheme=OURS[JACOBI], step=step, output_step=step)
             }
-            contestants |= {name: _wall(peer, wiring, {}) for name, peer in there.items()}
+            contestants |= {name: _timed(peer, wiring, {}) for name, peer in there.items()}
             times = alternate(contestants, ROUNDS)
     costs = {name: median(t) / RING_STEPS / RING * 1e6 for name, t in times.items()}
     note = ", ".join(f"{name} {cost:.2g}" for name, cost in costs.items() if name != "ours")
@@ -82,7 +82,7 @@ def same_bench(python: str) -> list[Row]:
             wiring = bench.wiring(system, Path(folder), STEP, table, scheme)
             ours = Ours(simulation, inputs, DURATION, scheme=OURS[scheme], step=STEP, output_step=STEP)
             title = f"{name}: same FMUs, {scheme}, {STEP * 1e3:g} ms, its time / ours"
-            rows.append(_against(title, name, _wall(peer, wiring, runs), ours, 10 if name == "fmpy_loop" else 1))
+            rows.append(_against(title, name, _timed(peer, wiring, runs), ours, 10 if name == "fmpy_loop" else 1))
             if name in runs:
                 rows[-1].details["rms errors"] = bench.errors(runs[name].columns, STEP, table)
         title = "same scheme (default), step and bits in plain FMPy, its time / ours"

@@ -5,13 +5,14 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks import bench
-from benchmarks.measure import Row, alternate, at_least, at_most, median, ratio, summary, timed
+from benchmarks.measure import Row, alternate, at_least, at_most, median, ratio, summary
 from orchestrator.cosim.many import simulate_many
 from orchestrator.system import Result
 
@@ -26,6 +27,13 @@ def last_speed(result: Result) -> float:
     return float(result.signals["w_motor"][-1])
 
 
+def wall(function: Callable[[], None]) -> float:
+    """Wall time of a call that works in other processes, s."""
+    start = time.perf_counter()
+    function()
+    return time.perf_counter() - start
+
+
 def many() -> list[Row]:
     """Runs with varied R, k and d: on two processes against one, and what each costs beside its stepping."""
     system, inputs = bench.joint(), bench.inputs()
@@ -38,8 +46,8 @@ def many() -> list[Row]:
         if failed := [outcome.error for outcome in outcomes if outcome.error]:
             raise RuntimeError(f"{len(failed)} of {len(outcomes)} runs failed, the first with: {failed[0]}")
 
-    cores = {f"{jobs} core": partial(timed, partial(campaign, jobs, bench.DURATION)) for jobs in (1, 2)}
-    empty = {f"{jobs} core, empty": partial(timed, partial(campaign, jobs, EMPTY)) for jobs in (1, 2)}
+    cores = {f"{jobs} core": partial(wall, partial(campaign, jobs, bench.DURATION)) for jobs in (1, 2)}
+    empty = {f"{jobs} core, empty": partial(wall, partial(campaign, jobs, EMPTY)) for jobs in (1, 2)}
     times = alternate({**cores, **empty}, TURNS)
     costs = {name: median(t) / PER_TURN * 1e3 for name, t in times.items()}
     note = f"{costs['1 core']:.3g} ms per run of {bench.DURATION:g} s on one, {costs['2 core']:.3g} ms on two"
@@ -54,32 +62,30 @@ def many() -> list[Row]:
 
 def hour() -> list[Row]:
     """An hour of bench time through the command line, streamed to Parquet: memory and time against shorter runs."""
-    walls, peaks, sizes = {}, {}, {}
+    seconds, peaks, sizes = {}, {}, {}
     with tempfile.TemporaryDirectory() as folder:
         for length in LENGTHS:
             out = Path(folder) / f"{length:g}"
             call = [sys.executable, "-m", "orchestrator.cli", "run", bench.SCENARIO, "--out", str(out)]
-            start = time.perf_counter()
-            peaks[length] = _peak_memory([*call, "--set", f"stop_time={length:g}"])
-            walls[length] = time.perf_counter() - start
+            seconds[length], peaks[length] = _usage([*call, "--set", f"stop_time={length:g}"])
             sizes[length] = (out / "signals.parquet").stat().st_size / 1e6
     short, middle, long = LENGTHS
     growth = peaks[long] - peaks[middle]
-    cost = (walls[long] - walls[short]) / (long - short), (walls[middle] - walls[short]) / (middle - short)
-    details = {"wall s": walls, "peak MB": peaks, "parquet MB": sizes}
-    note = ", ".join(f"{n:g} s: {walls[n]:.3g} s, {peaks[n]:.0f} MB, file {sizes[n]:.0f} MB" for n in LENGTHS)
+    cost = (seconds[long] - seconds[short]) / (long - short), (seconds[middle] - seconds[short]) / (middle - short)
+    details = {"seconds": seconds, "peak MB": peaks, "parquet MB": sizes}
+    note = ", ".join(f"{n:g} s: {seconds[n]:.3g} s, {peaks[n]:.0f} MB, file {sizes[n]:.0f} MB" for n in LENGTHS)
     return [
         at_most("an hour of bench time: memory above ten minutes'", growth, 50.0, "MB", note, **details),
         at_most("... time per bench second / ten minutes'", cost[0] / cost[1], 1.1, "x", "linear: 1", **details),
     ]
 
 
-def _peak_memory(call: list[str]) -> float:
-    """Largest resident memory of a command, MB. RuntimeError: the command failed."""
+def _usage(call: list[str]) -> tuple[float, float]:
+    """(CPU seconds, largest resident memory in MB) of a command. RuntimeError: the command failed."""
     process = subprocess.Popen(call, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     assert process.stderr is not None
     _, status, usage = os.wait4(process.pid, 0)
     if status:
         raise RuntimeError(f"{' '.join(call)}: {process.stderr.read().strip()}")
     process.returncode = 0
-    return usage.ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)
+    return usage.ru_utime + usage.ru_stime, usage.ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)

@@ -43,8 +43,8 @@ class Wiring:
 
 @dataclass(frozen=True)
 class Run:
-    """`wall`: s from the first step to the last, outputs recorded, without loading and initialising;
+    """`seconds`: from first step to last (`measure.stopwatch`), outputs recorded, without loading and initialising;
     `columns`: (steps,) each, at the end of every step; empty where a master keeps them to itself."""
 
-    wall: float
+    seconds: float
     columns: dict[str, NDArray[np.float64]] = field(default_factory=dict)

@@ -49,7 +49,7 @@ class Peer:
             if "error" in answer:
                 raise RuntimeError(f"{self.name}: {answer['error']}")
             with np.load(results) as columns:
-                return Run(answer["wall"], dict(columns))
+                return Run(answer["seconds"], dict(columns))
 
     def close(self) -> None:
         """Ends the worker."""

@@ -2,12 +2,12 @@
 
 import contextlib
 import io
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.measure import stopwatch
 from benchmarks.peers import GAUSS_SEIDEL, JACOBI, Absent, Run, Wiring
 
 try:
@@ -50,9 +50,8 @@ def run(wiring: Wiring, folder: Path) -> Run:
     with contextlib.redirect_stdout(io.StringIO()):
         method = "gauss_seidel" if wiring.scheme == GAUSS_SEIDEL else "jacobi"
         coordinator.start({"fmus": fmus, "connections": ends, "cosim_method": method, "iterative": False})
-        start = time.perf_counter()
-        for _ in range(wiring.steps):
-            coordinator.do_step(wiring.step)
-        wall = time.perf_counter() - start
+        with stopwatch() as seconds:
+            for _ in range(wiring.steps):
+                coordinator.do_step(wiring.step)
     results = coordinator.get_results()
-    return Run(wall, {column: np.array(results[tuple(place)]) for column, place in wiring.outputs.items()})
+    return Run(seconds[0], {column: np.array(results[tuple(place)]) for column, place in wiring.outputs.items()})

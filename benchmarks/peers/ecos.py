@@ -4,11 +4,11 @@ import contextlib
 import csv
 import ctypes
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.measure import stopwatch
 from benchmarks.peers import JACOBI, Absent, Run, Wiring
 
 try:
@@ -46,9 +46,8 @@ def run(wiring: Wiring, folder: Path) -> Run:
             simulation.add_csv_writer(str(recording), str(selection))
             if not simulation.init():
                 raise RuntimeError("ecos: initialisation failed")
-            start = time.perf_counter()
-            simulation.step(wiring.steps)
-            wall = time.perf_counter() - start
+            with stopwatch() as seconds:
+                simulation.step(wiring.steps)
             simulation.terminate()
 
     with recording.open() as file:
@@ -59,4 +58,4 @@ def run(wiring: Wiring, folder: Path) -> Run:
     for column, (unit, output) in wiring.outputs.items():
         place = next(n for n, name in enumerate(header) if name.startswith(f"{unit}::{output}["))
         columns[column] = table[-wiring.steps :, place]
-    return Run(wall, columns)
+    return Run(seconds[0], columns)

@@ -1,13 +1,13 @@
 """Plain FMPy: the loop that its users write, FMU objects stepped from Python."""
 
 import shutil
-import time
 from pathlib import Path
 
 import fmpy
 import numpy as np
 from fmpy.fmi2 import FMU2Slave
 
+from benchmarks.measure import stopwatch
 from benchmarks.peers import GAUSS_SEIDEL, JACOBI, Run, Wiring
 
 SCHEMES = [JACOBI, GAUSS_SEIDEL]
@@ -53,29 +53,28 @@ def run(wiring: Wiring, folder: Path) -> Run:
 
     wanted = {name: [route[2] for route in routes[name]] for name in units}
     table = np.zeros((wiring.steps, len(records)))
-    start = time.perf_counter()
-    for step in range(wiring.steps):
-        now = step * wiring.step
-        if wiring.scheme == GAUSS_SEIDEL:
-            for name, unit in units.items():
-                if wanted[name]:
-                    unit.setReal(wanted[name], [values[source][n] for source, n, _ in routes[name]])
-                unit.doStep(currentCommunicationPoint=now, communicationStepSize=wiring.step)
-                if sources[name]:
-                    values[name] = unit.getReal(sources[name])
-        else:
-            for name, unit in units.items():
-                if wanted[name]:
-                    unit.setReal(wanted[name], [values[source][n] for source, n, _ in routes[name]])
-            for unit in units.values():
-                unit.doStep(currentCommunicationPoint=now, communicationStepSize=wiring.step)
-            values = read()
-        table[step] = [values[unit][n] for unit, n in records]
-    wall = time.perf_counter() - start
+    with stopwatch() as seconds:
+        for step in range(wiring.steps):
+            now = step * wiring.step
+            if wiring.scheme == GAUSS_SEIDEL:
+                for name, unit in units.items():
+                    if wanted[name]:
+                        unit.setReal(wanted[name], [values[source][n] for source, n, _ in routes[name]])
+                    unit.doStep(currentCommunicationPoint=now, communicationStepSize=wiring.step)
+                    if sources[name]:
+                        values[name] = unit.getReal(sources[name])
+            else:
+                for name, unit in units.items():
+                    if wanted[name]:
+                        unit.setReal(wanted[name], [values[source][n] for source, n, _ in routes[name]])
+                for unit in units.values():
+                    unit.doStep(currentCommunicationPoint=now, communicationStepSize=wiring.step)
+                values = read()
+            table[step] = [values[unit][n] for unit, n in records]
 
     for unit in units.values():
         unit.terminate()
         unit.freeInstance()
     for name in units:
         shutil.rmtree(folder / name)
-    return Run(wall, dict(zip(wiring.outputs, table.T, strict=True)))
+    return Run(seconds[0], dict(zip(wiring.outputs, table.T, strict=True)))

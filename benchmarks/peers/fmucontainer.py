@@ -3,13 +3,13 @@
 import json
 import logging
 import shutil
-import time
 from pathlib import Path
 
 import fmpy
 import numpy as np
 from fmpy.fmi2 import FMU2Slave
 
+from benchmarks.measure import stopwatch
 from benchmarks.peers import GAUSS_SEIDEL, JACOBI, Absent, Run, Wiring
 
 try:
@@ -52,11 +52,10 @@ def run(wiring: Wiring, folder: Path) -> Run:
     container.exitInitializationMode()
     wanted = [references[column] for column in wiring.outputs]
     table = np.zeros((wiring.steps, len(wanted)))
-    start = time.perf_counter()
-    for step in range(wiring.steps):
-        container.doStep(currentCommunicationPoint=step * wiring.step, communicationStepSize=wiring.step)
-        table[step] = container.getReal(wanted)
-    wall = time.perf_counter() - start
+    with stopwatch() as seconds:
+        for step in range(wiring.steps):
+            container.doStep(currentCommunicationPoint=step * wiring.step, communicationStepSize=wiring.step)
+            table[step] = container.getReal(wanted)
     container.terminate()
     container.freeInstance()
-    return Run(wall, dict(zip(wiring.outputs, table.T, strict=True)))
+    return Run(seconds[0], dict(zip(wiring.outputs, table.T, strict=True)))

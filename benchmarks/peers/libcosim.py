@@ -1,10 +1,10 @@
 """libcosim (Open Simulation Platform) through libcosimpy: its fixed-step algorithm, a time series observer."""
 
-import time
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.measure import stopwatch
 from benchmarks.peers import JACOBI, Absent, Run, Wiring
 
 try:
@@ -36,13 +36,13 @@ def run(wiring: Wiring, folder: Path) -> Run:
         observer.start_time_series(index[unit], references[unit][output], CosimVariableType.REAL)
     execution.step(1)  # initialises the units
 
-    start = time.perf_counter()
-    if not execution.step(wiring.steps - 1):
-        raise RuntimeError("libcosim: stepping failed")
-    wall = (time.perf_counter() - start) * wiring.steps / (wiring.steps - 1)
+    with stopwatch() as seconds:
+        if not execution.step(wiring.steps - 1):
+            raise RuntimeError("libcosim: stepping failed")
+    whole = seconds[0] * wiring.steps / (wiring.steps - 1)
 
     columns = {}
     for column, (unit, output) in wiring.outputs.items():
         _, _, samples = observer.time_series_real_samples(index[unit], references[unit][output], 1, wiring.steps)
         columns[column] = np.array(samples)
-    return Run(wall, columns)
+    return Run(whole, columns)

@@ -1,7 +1,7 @@
 """Serves one peer's runs in a process, and often an environment, of its own, so that none can harm another.
 
 One JSON request per line on standard input (`wiring`, `results`: file for the columns), one JSON answer per line on
-the original standard output: `{"wall": s}` or `{"error": ...}`; the first: `{"schemes": ...}` or `{"absent": ...}`.
+the original standard output: `{"seconds": s}` or `{"error": ...}`; the first: `{"schemes": ...}` or `{"absent": ...}`.
 """
 
 import importlib
@@ -39,7 +39,7 @@ def serve(name: str) -> None:
             with tempfile.TemporaryDirectory() as folder:
                 run = peer.run(Wiring(**request["wiring"]), Path(folder))
             np.savez(request["results"], **run.columns)
-            answer({"wall": run.wall})
+            answer({"seconds": run.seconds})
         except Exception:  # whatever a peer raises is this run's answer
             answer({"error": traceback.format_exc()})
 

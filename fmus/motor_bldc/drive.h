@@ -36,7 +36,7 @@ static inline double drive(Unit *m, double i, double e, double R) {
   i_ref *= speed_limit(m, i_ref);
   if (limited) i_ref = clamp(i_ref, -current_limit(m), current_limit(m));
   const double error = i_ref - i;
-  v = m->drive_w_c * (m->winding_L * error + m->winding_R * m->q_i);
+  v = m->drive_w_c * (m->winding_L * error + m->winding_R * m->q_i) + m->drive_decoupling * e;
   const bool high = v > v_max, low = v < -v_max;
   if (!(high && error > 0) && !(low && error < 0)) m->der_q_i = error; /* no wind-up */
   return clamp(v, -v_max, v_max);

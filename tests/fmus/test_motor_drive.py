@@ -23,6 +23,15 @@ def test_current_follows_its_set_value_with_the_loops_bandwidth(make: Make) -> N
     np.testing.assert_allclose(out["i"], 2.0 * (1 - np.exp(-6000 * out["time"])), atol=1e-4)
 
 
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_back_emf_that_is_not_fed_forward_acts_as_an_inertia(make: Make, share: float) -> None:
+    """J dw/dt = k i and, in the steady ramp, w_c R (i_ref - i) = (1 - share) k dw/dt"""
+    J, w_c = 1e-5, 6000.0
+    start = {**CURRENT_MODE, **NO_LIMITS, "set_value": 1.0, "rotor.J": J, "friction.tau_C": 0.0, "friction.d": 0.0}
+    out = make("motor_bldc", {**start, "drive.decoupling": share}, tolerance=1e-8).run(0.02, 1e-3, ["i"])
+    assert out["i"][-1] == pytest.approx(1 / (1 + (1 - share) * K**2 / (J * w_c * R)), rel=1e-4)
+
+
 def test_set_value_is_scaled_in_both_modes(make: Make) -> None:
     voltage = make("motor_bldc", {"set_value": 2.0, "drive.k_v": 0.7})
     assert voltage["v"] == pytest.approx(1.4)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -9,7 +10,13 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-sys.path.append(str(ROOT))  # last, so that an installed package goes first; worker processes inherit it and find `tests`
+
+# The checkout comes last, so that an installed package goes first; processes that tests start find the same one.
+sys.path.append(str(ROOT))
+import orchestrator  # noqa: E402
+
+PATH = (str(Path(orchestrator.__file__).parents[1]), str(ROOT), os.environ.get("PYTHONPATH"))
+os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, PATH))
 
 
 @pytest.fixture(scope="session")

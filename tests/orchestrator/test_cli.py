@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -16,11 +15,8 @@ from orchestrator.system import load_system
 
 
 def cobot_joint(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    path = os.pathsep.join(filter(None, (os.environ.get("PYTHONPATH"), str(Path(__file__).parents[2]))))
-    return subprocess.run(
-        [sys.executable, "-m", "orchestrator.cli", *words],
-        cwd=folder, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    call = [sys.executable, "-m", "orchestrator.cli", *words]
+    return subprocess.run(call, cwd=folder, capture_output=True, text=True, check=False)
 
 
 def test_run_prints_tables_and_where_its_files_are(tmp_path: Path) -> None:

@@ -1,0 +1,300 @@
+"""Least squares inside bounds: base parameters in their tolerances, and the terms that are switched on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from orchestrator.diagnosis.diagnosis import Estimate
+from orchestrator.diagnosis.plant import Parameter, TermCandidate
+from orchestrator.diagnosis.problem import Problem, Run, Simulated, Vector
+
+STEP = 0.02  # of a difference quotient, in units of a tolerance or of an amplitude
+PRIOR = 1.0  # weight of (deviation/tolerance)^2: a healthy unit is rather inside than at the edge
+DAMPING = 0.03  # of the first step, over the chi-square above noise: a resonance far off is not reached in one stride
+
+
+@dataclass(frozen=True)
+class Free:
+    """A base parameter with its tolerance."""
+
+    parameter: Parameter
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True)
+class Active:
+    """A term that is switched on: where its parameters start, and from which time within a run it acts."""
+
+    term: TermCandidate
+    values: Mapping[str, float]  # amplitude, phase and shapes
+    onset: float | None = None
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One number that a fit moves; 0 is where it starts, 1 a natural step."""
+
+    names: tuple[str, ...]  # a pair (amplitude, phase) or one parameter
+    start: float
+    scale: float
+    lower: float
+    upper: float
+    kind: str  # "base", "linear", "log", "cos", "sin"
+    component: str
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Which base parameters are free and which terms are on."""
+
+    free: tuple[Free, ...]
+    active: tuple[Active, ...] = ()
+    added: Mapping[str, Mapping[str, Vector]] = field(default_factory=dict)  # unlisted: recording -> port -> (n,)
+
+    @property
+    def coordinates(self) -> list[Coordinate]:
+        """Base parameters first."""
+        found = []
+        for f in self.free:
+            middle, half = (f.lower + f.upper) / 2, (f.upper - f.lower) / 2
+            component = f.parameter.name.split(".")[0]
+            found.append(Coordinate((f.parameter.name,), middle, half, -1.0, 1.0, "base", component))
+        for active in self.active:
+            found += _coordinates(active)
+        return found
+
+    def run(self, x: Sequence[float] | Vector) -> Run:
+        """The simulation at a point."""
+        values: dict[str, float] = {}
+        onsets: dict[str, float] = {}
+        coordinates = self.coordinates
+        k = 0
+        while k < len(coordinates):
+            c = coordinates[k]
+            if c.kind == "cos":
+                a, b = float(x[k]) * c.scale, float(x[k + 1]) * c.scale
+                values[c.names[0]], values[c.names[1]] = float(np.hypot(a, b)), float(np.arctan2(b, a))
+                k += 1
+            elif c.kind == "log":
+                values[c.names[0]] = c.start * float(np.exp(x[k]))
+            else:
+                values[c.names[0]] = c.start + c.scale * float(x[k])
+            k += 1
+        for active in self.active:
+            for name, value in active.values.items():
+                values.setdefault(name, value)
+            if active.onset is not None:
+                onsets[active.term.amplitude] = active.onset
+        return Run(values, onsets, self.added)
+
+    def start(self) -> Vector:
+        """Where the fit begins: base parameters in the middle, terms at their given values."""
+        x = []
+        for c in self.coordinates:
+            if c.kind in ("cos", "sin"):
+                active = next(a for a in self.active if a.term.amplitude == c.names[0])
+                amplitude, phase = active.values[c.names[0]], active.values[c.names[1]]
+                x.append(amplitude / c.scale * (np.cos(phase) if c.kind == "cos" else np.sin(phase)))
+            elif c.kind == "linear":
+                active = next(a for a in self.active if c.names[0] in a.values)
+                x.append((active.values[c.names[0]] - c.start) / c.scale)
+            else:
+                x.append(0.0)
+        return np.array(x)
+
+
+def _coordinates(active: Active) -> list[Coordinate]:
+    term, values = active.term, active.values
+    amplitude = values[term.amplitude] - term.neutral
+    scale = abs(amplitude) or 0.01 * (term.upper - term.neutral)
+    found = []
+    if term.phase:
+        most = term.upper / scale
+        pair = (term.amplitude, term.phase)
+        found += [Coordinate(pair, 0.0, scale, -most, most, kind, term.component) for kind in ("cos", "sin")]
+    else:
+        lower, upper = (term.lower - term.neutral) / scale, (term.upper - term.neutral) / scale
+        found.append(Coordinate((term.amplitude,), term.neutral, scale, lower, upper, "linear", term.component))
+    for shape in term.shapes:
+        if shape.whole:
+            continue
+        start = values[shape.name]
+        if shape.logarithmic:
+            lower, upper = float(np.log(shape.lower / start)), float(np.log(shape.upper / start))
+            found.append(Coordinate((shape.name,), start, start, lower, upper, "log", term.component))
+        else:
+            scale = 0.1 * (shape.upper - shape.lower)
+            lower, upper = (shape.lower - start) / scale, (shape.upper - start) / scale
+            found.append(Coordinate((shape.name,), start, scale, lower, upper, "linear", term.component))
+    return found
+
+
+@dataclass
+class Fit:
+    """A hypothesis at its best point."""
+
+    hypothesis: Hypothesis
+    x: Vector
+    chi2: float  # of the whitened residual
+    residual: Vector  # (rows,)
+    simulated: Simulated
+    jacobian: Vector  # d(simulated)/dx, (rows, len(x))
+    fresh: bool  # whether that is by differences at this very point
+    steps: int
+
+    @property
+    def cost(self) -> float:
+        """chi-square and prior"""
+        return self.chi2 + PRIOR * float(np.sum(self.x[: len(self.hypothesis.free)] ** 2))
+
+    @property
+    def run(self) -> Run:
+        """The simulation at the best point."""
+        return self.hypothesis.run(self.x)
+
+    def covariance(self) -> Vector:
+        """Of x, for unit noise: (len(x), len(x))"""
+        weight = np.full(len(self.x), 1e-9)
+        weight[: len(self.hypothesis.free)] = PRIOR
+        return np.linalg.pinv(self.jacobian.T @ self.jacobian + np.diag(weight))
+
+    def settled(self) -> Hypothesis:
+        """The same hypothesis, its terms starting at what was found."""
+        values = self.run.values
+        active = tuple(replace(a, values={n: values[n] for n in a.values}) for a in self.hypothesis.active)
+        return replace(self.hypothesis, active=active)
+
+    def estimates(self, units: Mapping[str, str]) -> dict[str, Estimate]:
+        """Every parameter that the fit moved or set, with its 95 % interval."""
+        sigma = np.sqrt(np.maximum(np.diag(self.covariance()), 0.0))
+        values, found = self.run.values, {}
+        coordinates = self.hypothesis.coordinates
+        for k, c in enumerate(coordinates):
+            name = c.names[0]
+            value = values[name]
+            if c.kind == "sin":
+                continue
+            half = 1.96 * c.scale * sigma[k]
+            if c.kind == "cos":
+                half = 1.96 * c.scale * float(np.hypot(sigma[k], sigma[k + 1]) / np.sqrt(2))
+                spread = half / max(abs(value), 1e-300)
+                phase = values[c.names[1]]
+                found[c.names[1]] = Estimate(
+                    phase, "rad", (phase - min(spread, np.pi), phase + min(spread, np.pi)), None
+                )
+            if c.kind == "log":
+                grow = float(np.exp(min(1.96 * sigma[k], 50.0)))
+                interval = (value / grow, value * grow)
+            else:
+                interval = (value - half, value + half)
+            at = "lower" if self.x[k] <= c.lower + 1e-6 else "upper" if self.x[k] >= c.upper - 1e-6 else None
+            found[name] = Estimate(value, units.get(name, "1"), interval, at)  # type: ignore[arg-type]
+        for name, value in values.items():
+            found.setdefault(name, Estimate(value, units.get(name, "1"), (value, value)))
+        return found
+
+
+def bounded_step(gram: Vector, gradient: Vector, lower: Vector, upper: Vector) -> tuple[Vector, float]:
+    """min |r - J s|^2 over lower <= s <= upper, from gram = J'J and gradient = J'r. Returns s and the decrease of |r|^2."""
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-30))
+    values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
+    root = np.sqrt(np.maximum(values, 1e-12))
+    matrix = (root[:, None] * vectors.T) * scale
+    target = (vectors.T @ (gradient / scale)) / root
+    free = np.linalg.lstsq(matrix, target, rcond=None)[0]
+    if np.all(free >= lower) and np.all(free <= upper):
+        step = free
+    else:
+        step = lsq_linear(matrix, target, bounds=(lower, np.maximum(upper, lower + 1e-12)), method="bvls").x
+    return step, float(2 * gradient @ step - step @ gram @ step)
+
+
+def difference(
+    problem: Problem, hypothesis: Hypothesis, x: Vector, base: Simulated, only: Sequence[int] | None = None
+) -> Vector | None:
+    """d(simulated)/dx by one-sided differences, inside the bounds: (rows, len(x) or len(only)); None where a run failed."""
+    runs, steps = [], []
+    coordinates = hypothesis.coordinates
+    for k in range(len(coordinates)) if only is None else only:
+        c = coordinates[k]
+        steps.append(STEP if x[k] + STEP <= c.upper else -STEP)
+        point = x.copy()
+        point[k] += steps[-1]
+        runs.append(replace(hypothesis.run(point), touches=(c.component,)))
+    found = problem.simulate(runs, base)
+    columns = [(f.white - base.white) / step for f, step in zip(found, steps, strict=True) if f is not None]
+    return np.column_stack(columns) if len(columns) == len(runs) else None
+
+
+def fit(
+    problem: Problem,
+    hypothesis: Hypothesis,
+    x: Vector | None = None,
+    jacobian: Vector | None = None,
+    *,
+    settled: float = 1.0,
+    roughly: float = 0.0,
+    most: int = 30,
+) -> Fit | None:
+    """Levenberg-Marquardt inside bounds; Broyden's update where the last step came as promised, fresh differences where not.
+
+    x, jacobian: where to start, and an approximate Jacobian there (rows, len(x)). settled: chi-square below which a further step is not worth
+    its run; roughly: the same as a share of what is above noise. None: the start cannot be simulated.
+    """
+    coordinates = hypothesis.coordinates
+    lower, upper = np.array([c.lower for c in coordinates]), np.array([c.upper for c in coordinates])
+    prior = np.where([c.kind == "base" for c in coordinates], PRIOR, 1e-9)
+    at = np.clip(hypothesis.start() if x is None else x, lower, upper)
+    base = problem.simulate([hypothesis.run(at)])[0]
+    if base is None:
+        return None
+    residual = problem.recorded - base.white
+    cost = float(residual @ residual + prior @ at**2)
+    fresh = jacobian is None
+    J = difference(problem, hypothesis, at, base) if jacobian is None else jacobian
+    damping = DAMPING * max(cost - problem.samples, 0.0)
+    for step_number in range(1, most + 1):
+        if J is None:
+            return None
+        gram, gradient = J.T @ J + np.diag(prior), J.T @ residual - prior * at
+        step, _ = bounded_step(gram + damping * np.eye(len(at)), gradient, lower - at, upper - at)
+        promised = float(2 * gradient @ step - step @ gram @ step)
+        trial = np.clip(at + step, lower, upper)
+        found = problem.simulate([hypothesis.run(trial)])[0]
+        rest = problem.recorded - found.white if found is not None else residual
+        new = float(rest @ rest + prior @ trial**2) if found is not None else np.inf
+        gained = cost - new
+        if found is None or gained <= 0:
+            if promised < settled:
+                break
+            if fresh:
+                damping = max(5 * damping, 1e-2 * max(cost - problem.samples, settled))
+            else:
+                J, fresh = difference(problem, hypothesis, at, base), True
+            continue
+        moved = trial - at
+        J = J + np.outer(found.white - base.white - J @ moved, moved) / float(moved @ moved)
+        at, base, residual, cost, fresh = trial, found, rest, new, False
+        if gained < max(settled, roughly * (cost - problem.samples)):
+            break
+        kept = gained / promised
+        damping *= 0.15 if kept > 0.7 else 0.5 if kept > 0.4 else 1.5
+        if kept < 0.5 or gained > 0.3 * max(cost - problem.samples, settled):
+            J, fresh = difference(problem, hypothesis, at, base), True
+    if J is None:
+        return None
+    return Fit(hypothesis, at, float(residual @ residual), residual, base, J, fresh, step_number)
+
+
+def tolerances(problem: Problem, bounds: Mapping[str, tuple[float, float]]) -> tuple[Free, ...]:
+    """Base parameters that a diagnosis may re-fit."""
+    return tuple(
+        Free(problem.plant.parameters[name], low, high)
+        for name, (low, high) in bounds.items()
+        if any(problem.plant.has(name, recording) for recording in problem.recordings)
+    )

@@ -1,0 +1,197 @@
+"""A plant made of FMUs: candidates read from their annotations, runs by the native master."""
+
+from __future__ import annotations
+
+import queue
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestrator.cosim import Simulation
+from orchestrator.cosim.instances import SimulationError as UnitError
+from orchestrator.diagnosis.plant import Parameter, Port, ScannedShape, Signals, SimulationError, TermCandidate
+from orchestrator.diagnosis.recording import Recording
+from orchestrator.diagnosis.simulate import _variable as variable_of
+from orchestrator.system.model import Component, Connection, Connector, Inputs, System
+from orchestrator.units import Shape, Term, Unit
+
+ADDITIVE = "_add"  # how the name of an additive input ends
+SCHEME = "adaptive"  # unless the system has its own; errors below a hundredth of the logger's noise, at reversals too
+
+
+class FmuPlant:
+    """Systems by set-up, loaded once per worker thread. A context manager."""
+
+    def __init__(self, systems: Mapping[str, System]) -> None:
+        components = {c.name: c for system in systems.values() for c in system.components}
+        self.systems = {setup: _with_ports(system) for setup, system in systems.items()}
+        self._there = {setup: {c.name for c in system.components} for setup, system in systems.items()}
+        self.parameters = {p.name: p for c in components.values() for p in _parameters(c)}
+        self.terms = tuple(t for c in components.values() for t in _terms(c))
+        self.ports = tuple(p for c in components.values() for p in _ports(c))
+        self._idle: dict[str, queue.LifoQueue[Simulation]] = {setup: queue.LifoQueue() for setup in systems}
+        self._all: list[Simulation] = []
+
+    def __enter__(self) -> FmuPlant:
+        return self
+
+    def __exit__(
+        self, _type: type[BaseException] | None, _value: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        for simulation in self._all:
+            simulation.close()
+        self._all.clear()
+
+    def has(self, name: str, recording: Recording) -> bool:
+        """Whether the set-up of that recording has this component, or the component of this parameter or port."""
+        return name.split(".")[0] in self._there[recording.setup]
+
+    def simulate(
+        self,
+        values: Mapping[str, float],
+        recording: Recording,
+        *,
+        onsets: Mapping[str, float] | None = None,
+        added: Mapping[str, NDArray[np.float64]] | None = None,
+        signals: Sequence[str] = (),
+    ) -> Signals:
+        """See Plant.simulate."""
+        system = self.systems[recording.setup]
+        onsets = onsets or {}
+        start = {name: value for name, value in values.items() if name not in onsets}
+        start |= {variable_of(system, name): value for name, value in recording.initial.items()}
+        begin = float(recording.time[0])
+        events = sorted((begin + t, {name: values[name]}) for name, t in onsets.items())
+        with self._simulation(recording.setup) as simulation:
+            try:
+                result = simulation.run(
+                    Inputs(recording.time, {**recording.inputs, **(added or {})}),
+                    float(recording.time[-1]),
+                    start_time=begin,
+                    scheme=None if system.default_experiment.scheme else SCHEME,
+                    output_step=recording.step,
+                    parameters=start,
+                    parameter_events=events,
+                    record=[*recording.outputs, *signals],
+                )
+            except UnitError as error:
+                raise SimulationError(f"{recording.name}: {error}") from error
+        return dict(result.signals)
+
+    @contextmanager
+    def _simulation(self, setup: str) -> Iterator[Simulation]:
+        """One that no other thread uses."""
+        try:
+            simulation = self._idle[setup].get_nowait()
+        except queue.Empty:
+            simulation = Simulation(self.systems[setup])
+            self._all.append(simulation)
+        try:
+            yield simulation
+        finally:
+            self._idle[setup].put(simulation)
+
+
+def _with_ports(system: System) -> System:
+    """The system with its unwired additive inputs as inputs of its own, under `component.variable`."""
+    wired = {(c.sink_component, c.sink) for c in system.connections}
+    inputs, connections = dict(system.inputs), list(system.connections)
+    for component in system.components:
+        for port in _ports(component):
+            variable = port.name.split(".", 1)[1]
+            if (component.name, variable) not in wired:
+                inputs[port.name] = Connector(port.name, "input", unit=port.unit)
+                connections.append(Connection(None, port.name, component.name, variable))
+    return replace(system, inputs=inputs, connections=tuple(connections))
+
+
+def _parameters(component: Component) -> list[Parameter]:
+    unit = component.unit
+    found = []
+    for name, variable in unit.variables.items():
+        if variable.causality == "parameter" and variable.type == "Real":
+            lower, upper = unit.bounds_of(name)
+            nominal = component.parameters.get(name, variable.start)
+            found.append(
+                Parameter(
+                    f"{component.name}.{name}",
+                    float(nominal or 0.0),
+                    unit.unit_of(name) or "1",
+                    -np.inf if lower is None else lower,
+                    np.inf if upper is None else upper,
+                )
+            )
+    return found
+
+
+def _terms(component: Component) -> list[TermCandidate]:
+    return [found for term in component.unit.terms if (found := _term(component, term)) is not None]
+
+
+def _term(component: Component, term: Term) -> TermCandidate | None:
+    """None: it has no amplitude, or the system uses it already."""
+    unit, amplitude = component.unit, term.amplitude
+    if amplitude is None:
+        return None
+    start = component.parameters.get(amplitude, unit.variables[amplitude].start)
+    if float(start or 0.0) != term.neutral:
+        return None
+    lower, upper = unit.bounds_of(amplitude)
+    phases = [shape for shape in term.shapes if shape.scan == "phase"]
+    return TermCandidate(
+        name=f"{component.name}.{term.name}",
+        title=term.title,
+        equation=term.equation,
+        amplitude=f"{component.name}.{amplitude}",
+        neutral=term.neutral,
+        lower=-np.inf if lower is None else lower,
+        upper=np.inf if upper is None else upper,
+        unit=unit.unit_of(amplitude) or "1",
+        shapes=tuple(_shape(component.name, unit, shape) for shape in term.shapes if shape.scan != "phase"),
+        phase=f"{component.name}.{phases[0].name}" if phases else None,
+    )
+
+
+def _shape(component: str, unit: Unit, shape: Shape) -> ScannedShape:
+    lower, upper = unit.bounds_of(shape.name)
+    whole = shape.scan == "order"
+    if whole:
+        values = np.arange(np.ceil(shape.min), np.floor(shape.max) + 1)
+    elif shape.scan == "log":
+        values = np.geomspace(shape.min, shape.max, shape.points)
+    else:
+        values = np.linspace(shape.min, shape.max, shape.points)
+    reach = shape.max - shape.min  # a fit may leave the scanned range, by as much again
+    outer = (shape.min / 30, shape.max * 30) if shape.scan == "log" else (shape.min - reach, shape.max + reach)
+    return ScannedShape(
+        name=f"{component}.{shape.name}",
+        values=tuple(float(v) for v in values),
+        lower=max(outer[0], -np.inf if lower is None else lower),
+        upper=min(outer[1], np.inf if upper is None else upper),
+        unit=unit.unit_of(shape.name) or "1",
+        logarithmic=shape.scan == "log",
+        whole=whole,
+    )
+
+
+def _ports(component: Component) -> list[Port]:
+    """Additive inputs; the signals of a port are the unit's own motion, torque and current."""
+    unit = component.unit
+    own = tuple(
+        f"{component.name}.{name}"
+        for name, variable in unit.variables.items()
+        if variable.causality in ("input", "output")
+        and variable.type == "Real"
+        and unit.unit_of(name) in ("rad", "rad/s", "N.m", "A", "V", "m", "m/s", "N")
+        and not name.endswith(ADDITIVE)
+    )
+    angles = tuple(s for s in own if unit.unit_of(s.split(".", 1)[1]) == "rad")
+    return [
+        Port(f"{component.name}.{name}", unit.unit_of(name) or "1", own, angles)
+        for name, variable in unit.variables.items()
+        if variable.causality == "input" and variable.type == "Real" and name.endswith(ADDITIVE)
+    ]

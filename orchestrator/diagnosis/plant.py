@@ -1,0 +1,106 @@
+"""What the diagnosis asks of a simulator: parameters, terms that can be switched on, ports that take an added signal, and runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orchestrator.diagnosis.recording import Recording
+
+Signals = dict[str, NDArray[np.float64]]
+
+
+class SimulationError(RuntimeError):
+    """A run that came to no end: parameters far from anything that works."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """`component.name` as the system has it."""
+
+    name: str
+    nominal: float
+    unit: str
+    lower: float  # what the unit allows, not the tolerance
+    upper: float
+
+
+@dataclass(frozen=True)
+class ScannedShape:
+    """A shape parameter of a term: unidentifiable while the term is off, so these values are tried."""
+
+    name: str
+    values: tuple[float, ...]
+    lower: float
+    upper: float
+    unit: str = "1"
+    logarithmic: bool = False
+    whole: bool = False  # an order: counted, never fitted
+
+
+@dataclass(frozen=True)
+class TermCandidate:
+    """A switched-off term. With a `phase`, amplitude*sin(.. + phase) makes a pair that is linear in its two parts."""
+
+    name: str  # component.term
+    title: str
+    equation: str
+    amplitude: str
+    neutral: float
+    lower: float
+    upper: float
+    unit: str
+    shapes: tuple[ScannedShape, ...] = ()
+    phase: str | None = None
+
+    @property
+    def component(self) -> str:
+        """The unit that has it."""
+        return self.name.split(".")[0]
+
+
+@dataclass(frozen=True)
+class Port:
+    """An additive input, 0 when unused, and the component's own signals that an effect there may depend on."""
+
+    name: str  # component.variable
+    unit: str
+    signals: tuple[str, ...]
+    angles: tuple[str, ...] = ()  # those of `signals` that are angles of shafts
+
+    @property
+    def component(self) -> str:
+        """The unit that has it."""
+        return self.name.split(".")[0]
+
+
+class Plant(Protocol):
+    """A system under diagnosis."""
+
+    parameters: Mapping[str, Parameter]
+    terms: Sequence[TermCandidate]
+    ports: Sequence[Port]
+
+    def simulate(
+        self,
+        values: Mapping[str, float],
+        recording: Recording,
+        *,
+        onsets: Mapping[str, float] | None = None,
+        added: Mapping[str, NDArray[np.float64]] | None = None,
+        signals: Sequence[str] = (),
+    ) -> Signals:
+        """Outputs of the system (and `signals`, `component.variable`) at the recording's time, each (n,).
+
+        values: parameters other than nominal. onsets: of those, which hold only from a time on (neutral or nominal before). added: port -> (n,).
+        Raises SimulationError.
+        """
+        ...
+
+    def has(self, name: str, recording: Recording) -> bool:
+        """Whether the set-up of that recording has this component (or the component of this parameter or port)."""
+        ...

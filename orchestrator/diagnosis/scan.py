@@ -1,0 +1,288 @@
+"""The score test: what every switched-off term would take away from the residual, re-fittable parameters projected out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+
+import numpy as np
+
+from orchestrator.diagnosis.fit import PRIOR, Active, Fit, bounded_step
+from orchestrator.diagnosis.plant import TermCandidate
+from orchestrator.diagnosis.problem import Problem, Run, Vector
+
+SEGMENTS = 16  # of a run; an effect may set in at each of their borders
+ORDERS = 2  # whole orders per term that are simulated, of those that the residual's own order spectrum shows
+RESPONSE = 0.3  # rms over noise that a probing amplitude should cause
+LATE = 60.0  # chi-square by which setting in later must beat being there from the start
+TWINS = 0.9995  # cosine above which two units' terms of one name are one
+FIRST = {
+    "N.m": 1e-4,
+    "1": 1e-2,
+    "V": 1e-2,
+    "A": 1e-3,
+    "rad": 1e-4,
+    "s": 1e-4,
+}  # probing amplitude by unit; then adapted
+
+
+@dataclass(frozen=True)
+class Column:
+    """d(simulated)/d(amplitude) of a term at one scanned shape; two for a pair of sine and cosine."""
+
+    term: TermCandidate
+    shape: Mapping[str, float]
+    vectors: tuple[Vector, ...]
+
+
+@dataclass(frozen=True)
+class Score:
+    """What one term would take away at its best scanned shape and onset, everything re-fittable re-fitted (linearly)."""
+
+    term: TermCandidate
+    gain: float
+    values: Mapping[str, float]  # amplitude, phase, shapes
+    onset: float | None
+    column: Column = field(repr=False)
+
+    @property
+    def active(self) -> Active:
+        """The term switched on as the score test would have it."""
+        return Active(self.term, self.values, self.onset)
+
+
+class Scan:
+    """Columns of all terms of a plant. Probing amplitudes, once found, serve every later scan."""
+
+    def __init__(self, problem: Problem, terms: Sequence[TermCandidate]) -> None:
+        self.problem = problem
+        self.terms = list(terms)
+        self.probe: dict[str, float] = {}
+        self.twins: dict[str, str] = {}  # term -> term of the same name in another unit that responds alike
+
+    def columns(self, fit: Fit, skip: Sequence[str] = ()) -> list[Column]:
+        """One run per scanned shape (two per pair)."""
+        terms = [
+            t
+            for t in self.terms
+            if t.name not in skip and any(self.problem.plant.has(t.name, r) for r in self.problem.recordings)
+        ]
+        self._adapt([t for t in terms if t.name not in self.probe], fit)
+        orders = self._orders(fit, [t for t in terms if any(s.whole for s in t.shapes)])
+        first = {t.name: next(iter(_shapes(t, orders))) for t in terms}
+        families: dict[str, list[TermCandidate]] = {}
+        for term in terms:
+            families.setdefault(term.name.split(".")[1], []).append(term)
+        followers = {
+            t.name: family[0] for family in families.values() for t in family[1:] if _same_shapes(t, family[0])
+        }
+        found = self._run(fit, [(t, first[t.name]) for t in terms])
+        by_term = {c.term.name: [c] for c in found}
+        for name, leader in followers.items():
+            if (
+                name in by_term
+                and leader.name in by_term
+                and _cosine(by_term[name][0], by_term[leader.name][0]) > TWINS
+            ):
+                self.twins[name] = leader.name
+        rest = [(t, s) for t in terms if t.name not in self.twins for s in _shapes(t, orders) if s != first[t.name]]
+        for column in self._run(fit, rest):
+            by_term.setdefault(column.term.name, []).append(column)
+        for name, leader_name in self.twins.items():
+            if name in by_term and leader_name in by_term:
+                a, b = by_term[name][0].vectors[0], by_term[leader_name][0].vectors[0]
+                ratio = float(a @ b / (b @ b))
+                by_term[name] = [
+                    Column(
+                        by_term[name][0].term,
+                        _renamed(c.shape, c.term, by_term[name][0].term),
+                        tuple(ratio * v for v in c.vectors),
+                    )
+                    for c in by_term[leader_name]
+                ]
+        return [c for columns in by_term.values() for c in columns]
+
+    def _run(self, fit: Fit, wanted: Sequence[tuple[TermCandidate, Mapping[str, float]]]) -> list[Column]:
+        runs = [run for term, shape in wanted for run in _probes(fit.run, term, shape, self.probe[term.name])]
+        simulated = iter(self.problem.simulate(runs, fit.simulated))
+        columns = []
+        for term, shape in wanted:
+            vectors = [next(simulated) for _ in range(2 if term.phase else 1)]
+            if all(v is not None for v in vectors):
+                delta = self.probe[term.name]
+                columns.append(Column(term, shape, tuple((v.white - fit.simulated.white) / delta for v in vectors)))  # type: ignore[union-attr]
+        return [c for c in columns if all(v @ v > 0 for v in c.vectors)]
+
+    def _adapt(self, terms: Sequence[TermCandidate], fit: Fit) -> None:
+        """Amplitudes whose responses are well above rounding and still small."""
+        trial = {t.name: min(FIRST.get(t.unit, 1e-6), 0.5 * (t.upper - t.neutral)) for t in terms}
+        left = list(terms)
+        for _ in range(6):
+            runs = [next(iter(_probes(fit.run, t, next(iter(_shapes(t, {}))), trial[t.name]))) for t in left]
+            again = []
+            for term, found in zip(left, self.problem.simulate(runs, fit.simulated), strict=True):
+                size = np.sqrt(np.mean((found.white - fit.simulated.white) ** 2)) if found else np.inf
+                if 0.03 <= size <= 3 or (size < 0.03 and trial[term.name] >= 0.4 * (term.upper - term.neutral)):
+                    continue
+                factor = 1e-3 if not np.isfinite(size) else 1e3 if size < 1e-3 else float(RESPONSE / size)
+                trial[term.name] = min(trial[term.name] * factor, 0.5 * (term.upper - term.neutral))
+                again.append(term)
+            left = again
+            if not left:
+                break
+        self.probe |= trial
+
+    def _orders(self, fit: Fit, terms: Sequence[TermCandidate]) -> dict[str, list[float]]:
+        """Shape -> the whole orders whose order spectrum stands out, over the angles that the term's unit knows."""
+        angles: dict[str, tuple[str, ...]] = {}
+        for port in self.problem.plant.ports:
+            angles[port.component] = tuple(dict.fromkeys((*angles.get(port.component, ()), *port.angles)))
+        wanted = sorted({a for t in terms for a in angles.get(t.component, ())})
+        outputs = self.problem.outputs(fit.run, wanted) if wanted else []
+        found: dict[str, list[float]] = {}
+        for term in terms:
+            shape = next(s for s in term.shapes if s.whole)
+            if len(shape.values) <= ORDERS or not angles.get(term.component):
+                continue
+            power = np.zeros(len(shape.values))
+            for angle in angles[term.component]:
+                power = np.maximum(power, self._order_power(fit.residual, angle, outputs, shape.values))
+            best = np.argsort(-power)[:ORDERS]
+            found[shape.name] = [shape.values[k] for k in sorted(best)]
+        return found
+
+    def _order_power(
+        self, residual: Vector, angle: str, outputs: Sequence[Mapping[str, Vector]], orders: Sequence[float]
+    ) -> Vector:
+        """sum over windows and channels of |projection on exp(j n phi)|^2, over its expectation: a phase that shifts with speed does no harm"""
+        width, total = 512, np.zeros(len(orders))
+        for block in self.problem.blocks:
+            phi = outputs[block.recording].get(angle)
+            if phi is None:
+                continue
+            r = residual[block.rows]
+            n = len(r) // width * width
+            turned = np.abs(phi[width - 1 : n : width] - phi[0:n:width])
+            r, p = r[:n].reshape(-1, width), phi[:n].reshape(-1, width)
+            for k, order in enumerate(orders):
+                seen = turned * order > 2 * np.pi  # one period at least
+                wave = np.abs(np.sum(r * np.exp(-1j * order * p), axis=1)) ** 2 / width
+                total[k] += float(np.sum(wave[seen] - 1))
+        return total
+
+
+def scores(problem: Problem, fit: Fit, columns: Sequence[Column]) -> list[Score]:
+    """Best first, one per term."""
+    base = fit.jacobian.shape[1]
+    stacked = np.column_stack([fit.residual, fit.jacobian, *(v for c in columns for v in c.vectors)])
+    segment = np.minimum((problem.times() / (problem.times().max() + 1e-9) * SEGMENTS).astype(int), SEGMENTS - 1)
+    grams = np.stack([stacked[segment == k].T @ stacked[segment == k] for k in range(SEGMENTS)])
+    whole = grams.sum(axis=0)
+    width = problem.times().max() / SEGMENTS
+    coordinates = fit.hypothesis.coordinates
+    prior = np.where([c.kind == "base" for c in coordinates], PRIOR, 1e-9)
+    lower = np.array([c.lower for c in coordinates]) - fit.x
+    upper = np.array([c.upper for c in coordinates]) - fit.x
+    settled, nothing = bounded_step(
+        whole[1 : base + 1, 1 : base + 1] + np.diag(prior), whole[1 : base + 1, 0] - prior * fit.x, lower, upper
+    )
+    held = (settled <= lower + 1e-9) | (settled >= upper - 1e-9)  # at a bound: it projects nothing out
+    best: dict[str, Score] = {}
+    at = base + 1
+    for column in columns:
+        own = np.arange(at, at + len(column.vectors))
+        at += len(own)
+        for onset, active in _windows(column.term, grams, width):
+            gain, amplitude = _gain(whole, active, own, base, prior, fit.x, held, nothing)
+            gain -= LATE if onset is not None and not _timed(column.term) else 0.0
+            score = _score(column, amplitude, gain, onset, width)
+            if score and (column.term.name not in best or gain > best[column.term.name].gain):
+                best[column.term.name] = score
+    return sorted(best.values(), key=lambda s: -s.gain)
+
+
+def _gain(
+    whole: Vector, active: Vector, own: Vector, base: int, prior: Vector, x: Vector, held: Vector, nothing: float
+) -> tuple[float, Vector]:
+    """Decrease of the cost beyond what a re-fit alone brings, and the amplitudes. active: Gram matrix over the time the term acts."""
+    free = np.concatenate([1 + np.flatnonzero(~held), own])
+    gram = whole[np.ix_(free, free)].copy()
+    gradient = whole[free, 0].copy()
+    k = len(own)
+    gram[-k:, :] = active[np.ix_(own, free)]
+    gram[:, -k:] = active[np.ix_(free, own)]
+    gradient[-k:] = active[own, 0]
+    p = prior[~held]
+    gram[: len(p), : len(p)] += np.diag(p)
+    gradient[: len(p)] -= p * x[~held]
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    step = np.linalg.lstsq(gram / np.outer(scale, scale), gradient / scale, rcond=1e-10)[0] / scale
+    return float(gradient @ step) - nothing, step[-k:]
+
+
+def _windows(term: TermCandidate, grams: Vector, width: float) -> Iterator[tuple[tuple[float, float] | None, Vector]]:
+    """((from, to), Gram matrix over that time); None: always. A term that itself says from when to when is scanned as windows."""
+    if _timed(term):
+        for length in (1, 2, 4):
+            for start in range(SEGMENTS - length + 1):
+                yield (start * width, (start + length) * width), grams[start : start + length].sum(axis=0)
+        return
+    later = np.cumsum(grams[::-1], axis=0)[::-1]
+    yield None, later[0]
+    for start in range(1, SEGMENTS - 1):
+        yield (start * width, np.inf), later[start]
+
+
+def _timed(term: TermCandidate) -> bool:
+    """Whether the term has a beginning t_0 and a length T_d of its own."""
+    return {"t_0", "T_d"} <= {s.name.split(".")[-1] for s in term.shapes}
+
+
+def _score(
+    column: Column, amplitude: Vector, gain: float, window: tuple[float, float] | None, width: float
+) -> Score | None:
+    """None: the amplitude has the wrong sign."""
+    term, values = column.term, dict(column.shape)
+    if term.phase:
+        values[term.amplitude] = float(np.hypot(*amplitude))
+        values[term.phase] = float(np.arctan2(amplitude[1], amplitude[0]))
+    else:
+        values[term.amplitude] = float(np.clip(term.neutral + amplitude[0], term.lower, term.upper))
+        if values[term.amplitude] != term.neutral + amplitude[0] and abs(
+            values[term.amplitude] - term.neutral
+        ) < 1e-3 * abs(amplitude[0]):
+            return None
+    if _timed(term) and window:
+        for shape in term.shapes:
+            values[shape.name] = window[0] if shape.name.endswith(".t_0") else window[1] - window[0]
+        return Score(term, gain, values, None, column)
+    return Score(term, gain, values, window[0] if window else None, column)
+
+
+def _probes(run: Run, term: TermCandidate, shape: Mapping[str, float], delta: float) -> list[Run]:
+    values = {**run.values, **shape, term.amplitude: term.neutral + delta}
+    phases = [{term.phase: 0.0}, {term.phase: np.pi / 2}] if term.phase else [{}]
+    return [replace(run, values={**values, **phase}, touches=(term.component,)) for phase in phases]
+
+
+def _shapes(term: TermCandidate, orders: Mapping[str, Sequence[float]]) -> list[dict[str, float]]:
+    """Every combination of scanned shapes."""
+    if _timed(term):  # always on: windows are cut from its response
+        return [{s.name: (0.0 if s.name.endswith(".t_0") else 1e6) for s in term.shapes}]
+    choices = [orders.get(s.name, s.values) for s in term.shapes]
+    return [dict(zip([s.name for s in term.shapes], values, strict=True)) for values in product(*choices)]
+
+
+def _same_shapes(a: TermCandidate, b: TermCandidate) -> bool:
+    return [s.values for s in a.shapes] == [s.values for s in b.shapes]
+
+
+def _renamed(shape: Mapping[str, float], old: TermCandidate, new: TermCandidate) -> dict[str, float]:
+    names = {o.name: n.name for o, n in zip(old.shapes, new.shapes, strict=True)}
+    return {names[name]: value for name, value in shape.items()}
+
+
+def _cosine(a: Column, b: Column) -> float:
+    u, v = a.vectors[0], b.vectors[0]
+    return float(abs(u @ v) / np.sqrt((u @ u) * (v @ v)))

@@ -40,8 +40,8 @@ class Feature:
 class Form:
     """The shape of an unlisted effect.
 
-    It enters at `port` (`component.variable`, an additive input, or the reading of a channel). A formula where one holds up; the table is what
-    the data give without one: `signal` (the component's own) against the port's value.
+    It enters at `port` (`component.variable`, an additive input, or the reading of a channel). A formula where one holds
+    up; the table is what the data give without one: `signal` (the component's own) against the port's value.
     """
 
     port: str
@@ -117,8 +117,9 @@ class Candidate:
 class Diagnosis:
     """Answer, the numbers behind it, and what a repaired system needs.
 
-    `calibrated`: base parameters fitted inside their tolerances with nothing added ("before"). `repaired`: every value that the repaired system
-    has other than nominal, base parameters and terms ("after"). `onsets`: parameters of `repaired` that hold from that time only.
+    `calibrated`: base parameters fitted inside their tolerances with nothing added ("before"). `repaired`: every value
+    that the repaired system has other than nominal, base parameters and terms ("after"). `onsets`: parameters of
+    `repaired` that hold from that time only.
     """
 
     verdict: Verdict
@@ -139,7 +140,7 @@ class Diagnosis:
 
     def to_json(self) -> dict[str, Any]:
         """diagnosis.json: plain numbers, lists and strings."""
-        return plain(  # type: ignore[no-any-return]
+        return plain(
             {
                 "verdict": self.verdict,
                 "findings": [finding.to_json() for finding in self.findings],

@@ -54,8 +54,8 @@ def test_connectors_are_those_of_the_system_and_of_its_components(axis: Path) ->
     [
         (
             ("[[recording]]", "[[recordings]]"),
-            "recordings: no such key, allowed are title, system, setups, channels, tolerances, logged, frequency_response, "
-            "alternative, recording",
+            "recordings: no such key, allowed are title, system, setups, channels, tolerances, logged, "
+            "frequency_response, alternative, recording",
         ),
         (('file = "run.csv"', 'file = "gone.csv"'), "gone.csv: there is no such file"),
         (

@@ -76,6 +76,10 @@ class Instance:
     def rolls_back(self) -> bool:
         return bool(self.description.coSimulation.canGetAndSetFMUstate)
 
+    @property
+    def varies_step(self) -> bool:
+        return bool(self.description.coSimulation.canHandleVariableCommunicationStepSize)
+
     def last_words(self) -> str:
         """What the unit logged last, to end an error message with."""
         said = " ".join(self._log.last.decode("utf-8", "replace").split())

@@ -37,6 +37,7 @@ static inline double time_of(const Master *m, int64_t tick) { return m->plan.sta
 static inline size_t n_discrete(const Unit *unit) { return unit->integer_outputs.n + unit->boolean_outputs.n; }
 
 /* unit.c: all return 0, or -1 with a message that says which unit, which call, at what time */
+enum { DISCARDED = 1 };                                 /* from step_unit alone: a shorter step is to be tried */
 int step_unit(Master *m, size_t i, double t, double h); /* inputs' polynomials in, y and dy out */
 int get_outputs(Master *m, const Unit *unit);           /* those that drive inputs, into y */
 int get_watched(Master *m, const Unit *unit);           /* those that are only recorded, into y */

@@ -82,7 +82,8 @@ static double coupling_error(Master *m, double h) {
 static int sweep(Master *m, double t, double h) {
   m->count.sweeps++;
   for (size_t i = 0; i < m->plan.n_units; i++) {
-    if (step_unit(m, i, t, h)) return -1;
+    int status = step_unit(m, i, t, h);
+    if (status) return status;
     if (m->plan.scheme.sequential) interpolate(m, &m->plan.units[i], h);
   }
   return 0;
@@ -150,14 +151,16 @@ static int step(Master *m, double **row) {
     h = (double)m->stride * m->plan.step;
     for (size_t i = 0; i < m->plan.n_units; i++) extrapolate(m, &m->plan.units[i], h);
     follow_inputs(m, t, time_of(m, m->tick + m->stride), h);
-    if (sweep(m, t, h)) return -1;
-    for (int k = 1; k < scheme->sweeps && coupling_error(m, h) > 1; k++) {
+    int status = sweep(m, t, h);
+    for (int k = 1; status == 0 && k < scheme->sweeps && coupling_error(m, h) > 1; k++) {
       if (!scheme->sequential)
         for (size_t i = 0; i < m->plan.n_units; i++) interpolate(m, &m->plan.units[i], h);
-      if (restore_states(m) || sweep(m, t, h)) return -1;
+      if (restore_states(m)) return -1;
+      status = sweep(m, t, h);
     }
+    if (status < 0) return -1;
     if (!scheme->adaptive) break;
-    error = coupling_error(m, h);
+    error = status == DISCARDED ? HUGE_VAL : coupling_error(m, h);
     if (error <= 1 || m->stride == 1) break;
     if (restore_states(m)) return -1;
     m->stride /= 2;

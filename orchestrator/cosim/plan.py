@@ -215,7 +215,7 @@ def _judged(units: tuple[PlannedUnit, ...], n_outputs: int, scheme: Scheme) -> t
     judged = [False] * n_outputs
     for reader, unit in enumerate(units):
         for wire in unit.wires:
-            if wire.signal < n_outputs and (scheme.adaptive or not scheme.sequential or owner[wire.signal] >= reader):
+            if wire.signal < n_outputs and (not scheme.sequential or owner[wire.signal] >= reader):
                 judged[wire.signal] = True
     return tuple(judged)
 
@@ -232,6 +232,6 @@ def _check_abilities(scheme: Scheme, instances: Sequence[Instance]) -> None:
     if unable:
         raise SimulationError(f"scheme {scheme.name} rolls back, but {among(unable)} cannot get and set the FMU state")
     if scheme.adaptive:
-        unable = [i.name for i in instances if not i.description.coSimulation.canHandleVariableCommunicationStepSize]
+        unable = [i.name for i in instances if not i.varies_step]
         if unable:
             raise SimulationError(f"scheme {scheme.name} varies its step, but {among(unable)} cannot")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -17,7 +18,7 @@ Polynomial = tuple[
     float, float, float, float
 ]  # a0 + a1 s + a2 s^2 + a3 s^3, s: time since the present communication point
 
-DISCARD = 2  # fmi2Discard: of slopes before the first step, not known yet
+DISCARD = 2  # fmi2Discard: a shorter step might do; of slopes before the first step, not known yet
 CALM = 8  # steps after one that was taken back, before steps may grow again
 
 
@@ -124,18 +125,18 @@ class Master:
             for unit in self.plan.units:
                 self._extrapolate(unit, h)
             self._follow_inputs(t, self._time(self.tick + self.stride), h)
-            self._sweep(t, h)
+            done = self._sweep(t, h)
             for _ in range(1, scheme.sweeps):
-                if self._coupling_error(h) <= 1:
+                if not done or self._coupling_error(h) <= 1:
                     break
                 if not scheme.sequential:
                     for unit in self.plan.units:
                         self._interpolate(unit, h)
                 self._restore(states)
-                self._sweep(t, h)
+                done = self._sweep(t, h)
             if not scheme.adaptive:
                 break
-            error = self._coupling_error(h)
+            error = self._coupling_error(h) if done else math.inf
             if error <= 1 or self.stride == 1:
                 break
             self._restore(states)
@@ -149,14 +150,17 @@ class Master:
         if scheme.adaptive:
             self._choose_stride(error)
 
-    def _sweep(self, t: float, h: float) -> None:
+    def _sweep(self, t: float, h: float) -> bool:
+        """False: a unit discarded the step, a shorter one is to be tried."""
         self.count["sweeps"] += 1
         for unit in self.plan.units:
-            self._step_unit(unit, t, h)
+            if not self._step_unit(unit, t, h):
+                return False
             if self.scheme.sequential:
                 self._interpolate(unit, h)
+        return True
 
-    def _step_unit(self, unit: PlannedUnit, t: float, h: float) -> None:
+    def _step_unit(self, unit: PlannedUnit, t: float, h: float) -> bool:
         instance = unit.instance
         with instance.explained(f"at t = {t:.9g} s"):
             self._set_real_inputs(unit, h)
@@ -164,12 +168,15 @@ class Master:
         try:
             instance.fmu.doStep(t, h, not self.scheme.rolls_back)
         except FMICallException as error:
+            if error.status == DISCARD and self.scheme.adaptive and self.stride > 1:
+                return False
             status = ("ok", "warning", "discard", "error", "fatal", "pending")[error.status]
             message = f"{instance.name}: fmi2DoStep returned {status} at t = {t:.9g} s, step {h:.9g} s"
             raise SimulationError(message + instance.last_words()) from error
         with instance.explained(f"at t = {t:.9g} s"):
             self._get_outputs(unit)
             self._get_slopes(unit)
+        return True
 
     def _restore(self, states: list[object]) -> None:
         for unit, state in zip(self.plan.units, states, strict=True):

@@ -70,12 +70,13 @@ _ALL = (
         extrapolation=2,
         interpolation=3,
         adaptive=True,
-        step=16e-3,
+        step=4e-3,
     ),
 )
 
 SCHEMES = {scheme.name: scheme for scheme in _ALL}
-DEFAULT = "gauss_seidel_extrapolated"
+DEFAULT = "adaptive"
+WITHOUT_ROLLBACK = "gauss_seidel_extrapolated"  # instead, where a unit cannot restore its state or vary its step
 
 
 def scheme_of(scheme: str | Scheme) -> Scheme:

@@ -16,7 +16,7 @@ from orchestrator.cosim.energy import mechanical_connections, works
 from orchestrator.cosim.initialise import initialise
 from orchestrator.cosim.instances import Instance, check_parameters
 from orchestrator.cosim.plan import make_plan
-from orchestrator.cosim.schemes import DEFAULT, Scheme, scheme_of
+from orchestrator.cosim.schemes import DEFAULT, WITHOUT_ROLLBACK, Scheme, scheme_of
 from orchestrator.errors import UserError
 from orchestrator.system.initial import initial_order
 from orchestrator.system.model import Inputs, Result, System, Value
@@ -198,9 +198,12 @@ class Simulation:
 
     def _scheme(self, scheme: str | Scheme | None) -> Scheme:
         own = self.system.default_experiment
-        if scheme is not None or own.scheme is None:
-            return scheme_of(scheme or DEFAULT)
-        chosen = scheme_of(own.scheme)
+        if scheme is None and own.scheme is None:
+            able = all(i.rolls_back and i.varies_step for i in self._instances.values())
+            return scheme_of(DEFAULT if able else WITHOUT_ROLLBACK)
+        if scheme is not None:
+            return scheme_of(scheme)
+        chosen = scheme_of(str(own.scheme))
         return replace(chosen, step=own.step) if own.step else chosen
 
     def _prepare(

@@ -129,6 +129,7 @@ int step_unit(Master *m, size_t i, double t, double h) {
   bool keeps_history = m->plan.scheme.sweeps > 1 || m->plan.scheme.adaptive;
   if (set_real_inputs(m, unit, &m->scratch[i], h) || set_discrete_inputs(m, unit)) return -1;
   fmi2Status status = unit->do_step(unit->component, t, h, keeps_history ? fmi2False : fmi2True);
+  if (status == fmi2Discard && m->plan.scheme.adaptive && m->stride > 1) return DISCARDED;
   if (status != fmi2OK && status != fmi2Warning)
     return fail(m, "%s: fmi2DoStep returned %s at t = %.9g s, step %.9g s", unit->name, word(status), t, h);
   m->count.warnings += status == fmi2Warning;

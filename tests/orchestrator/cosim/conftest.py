@@ -47,6 +47,7 @@ VARIABLES = {
         ("k", 2, "Real", "parameter", "2"),
         ("fail_at", 3, "Real", "parameter", "1e9"),
         ("fail_as", 4, "Real", "parameter", "3"),
+        ("longest", 5, "Real", "parameter", "1e9"),
         ("n_in", 0, "Integer", "input", "0"),
         ("n_out", 1, "Integer", "output", None),
         ("b_in", 0, "Boolean", "input", "false"),
@@ -54,7 +55,7 @@ VARIABLES = {
     ],
 }
 FOLLOWS = {
-    "gain": {"y": "1", "n_out": "6", "b_out": "8"},
+    "gain": {"y": "1", "n_out": "7", "b_out": "9"},
     "spring_damper": {"tau": "3 4"},
 }  # outputs by index of inputs
 FLANGES = {

@@ -16,7 +16,7 @@ from orchestrator.system import Inputs, Result, System
 
 MakeSystem = Callable[..., System]
 RAMP = Inputs(np.array([0.0, 1.0]), {"u": np.array([0.0, 1.0])})
-STEPS = {"step": 0.1, "output_step": 0.1}
+STEPS = {"scheme": "gauss_seidel_extrapolated", "step": 0.1, "output_step": 0.1}
 
 
 def last_y(result: Result) -> float:

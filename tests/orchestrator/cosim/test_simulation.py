@@ -12,6 +12,7 @@ from orchestrator.errors import UserError
 from orchestrator.system import Connection, Inputs, System
 
 MakeSystem = Callable[..., System]
+FIXED = "gauss_seidel_extrapolated"
 NOTHING = Inputs(np.array([0.0]))  # inputs keep their start values
 RAMP = Inputs(np.array([0.0, 1.0]), {"u": np.array([0.0, 1.0])})
 
@@ -26,7 +27,7 @@ def test_inputs_are_linear_between_samples_and_held_outside(make_gain: MakeSyste
 def test_integers_and_booleans_pass_through_wires(make_gain: MakeSystem) -> None:
     t = np.array([0.0, 0.1, 0.2])
     inputs = Inputs(t, {"n": np.array([3.0, 3.0, 7.0]), "b": np.array([1.0, 1.0, 0.0])})
-    result = simulate(make_gain(), inputs, 0.3, step=0.1, output_step=0.1)
+    result = simulate(make_gain(), inputs, 0.3, scheme=FIXED, step=0.1, output_step=0.1)
     assert result.signals["n_out"].tolist() == [4, 4, 4, 8]
     assert result.signals["b_out"].tolist() == [0, 0, 0, 1]
 
@@ -34,7 +35,7 @@ def test_integers_and_booleans_pass_through_wires(make_gain: MakeSystem) -> None
 @pytest.mark.parametrize("engine", ["native", "reference"])
 def test_discrete_signals_are_held_over_a_step(make_gain: MakeSystem, engine: str) -> None:
     inputs = Inputs(np.array([0.0, 1.0]), {"n": np.array([0.0, 10.0])})
-    result = simulate(make_gain(), inputs, 0.4, step=0.1, output_step=0.1, engine=engine)
+    result = simulate(make_gain(), inputs, 0.4, scheme=FIXED, step=0.1, output_step=0.1, engine=engine)
     assert result.signals["n_out"].tolist() == [1, 1, 2, 3, 4]
 
 
@@ -66,7 +67,9 @@ def test_parameters_of_a_run_come_after_those_of_the_system(make_gain: MakeSyste
 def test_a_parameter_can_change_while_time_runs(make_gain: MakeSystem, engine: str) -> None:
     constant = Inputs(np.array([0.0]), {"u": np.array([1.0])})
     events = [(0.7, {"gain.k": 7.0}), (0.25, {"gain.k": 5.0})]
-    result = simulate(make_gain(), constant, 1.0, step=0.1, output_step=0.1, parameter_events=events, engine=engine)
+    result = simulate(
+        make_gain(), constant, 1.0, scheme=FIXED, step=0.1, output_step=0.1, parameter_events=events, engine=engine
+    )
     # 0.25 s takes effect from 0.3 s on and shows at the next point
     assert ((result.signals["y"] - 1) / 10).tolist() == [2, 2, 2, 2, 5, 5, 5, 5, 7, 7, 7]
 
@@ -92,18 +95,32 @@ def test_a_stream_is_the_run_in_pieces(make_oscillator: MakeSystem) -> None:
 @pytest.mark.parametrize("engine", ["native", "reference"])
 def test_a_failed_step_names_unit_call_and_time_and_what_the_unit_logged(make_gain: MakeSystem, engine: str) -> None:
     with pytest.raises(SimulationError) as caught:
-        simulate(make_gain(fail_at=0.5), RAMP, 1.0, step=0.1, output_step=0.1, engine=engine)
+        simulate(make_gain(fail_at=0.5), RAMP, 1.0, scheme=FIXED, step=0.1, output_step=0.1, engine=engine)
     assert str(caught.value) == "gain: fmi2DoStep returned error at t = 0.5 s, step 0.1 s: no more after 0.5 s"
 
 
 def test_a_discarded_step_is_an_error_that_says_so(make_gain: MakeSystem) -> None:
     with pytest.raises(SimulationError, match=r"fmi2DoStep returned discard at t = 0\.5 s"):
-        simulate(make_gain(fail_at=0.5, fail_as=2), RAMP, 1.0, step=0.1, output_step=0.1)
+        simulate(make_gain(fail_at=0.5, fail_as=2), RAMP, 1.0, scheme=FIXED, step=0.1, output_step=0.1)
+
+
+@pytest.mark.parametrize("engine", ["native", "reference"])
+def test_an_adaptive_scheme_takes_a_discarded_step_again_shorter(make_gain: MakeSystem, engine: str) -> None:
+    with Simulation(make_gain(longest=0.03), engine) as simulation:
+        result = simulation.run(RAMP, 1.0, scheme="adaptive", step=0.1, output_step=0.1)
+        assert simulation.counters["rejected"] > 0
+        assert simulation.counters["steps"] >= 1.0 / 0.03
+    np.testing.assert_allclose(result.signals["y"], 20 * result.time + 1, atol=1e-9)
+
+
+def test_without_a_scheme_steps_adapt_where_all_units_can_go_back(make_gain: MakeSystem) -> None:
+    assert simulate(make_gain(), RAMP, 1.0).scheme == "adaptive"
+    assert simulate(make_gain({"rolls_back": False}), RAMP, 1.0).scheme == FIXED
 
 
 def test_warnings_are_counted_and_do_not_stop_a_run(make_gain: MakeSystem) -> None:
     with Simulation(make_gain(fail_at=0.5, fail_as=1)) as simulation:
-        result = simulation.run(RAMP, 1.0, step=0.1, output_step=0.1)
+        result = simulation.run(RAMP, 1.0, scheme=FIXED, step=0.1, output_step=0.1)
         assert simulation.counters["warnings"] == 5
     assert result.signals["y"][-1] == pytest.approx(21)
 
@@ -136,7 +153,7 @@ def test_an_algebraic_loop_without_a_fixed_point_is_refused_at_the_start(make_ga
         ({"parameters": {"gain.k": np.nan}}, "a finite number is allowed"),
         ({"record": ["z"]}, "'z' is to be recorded, amplifier has y, n_out, b_out, u, n, b"),
         ({"record": ["gain.z"]}, "'gain.z' is to be recorded, gain has u, y"),
-        ({"step": 0.003, "output_step": 0.01}, "the output step 0.01 s has to be a multiple of it"),
+        ({"scheme": FIXED, "step": 0.003, "output_step": 0.01}, "the output step 0.01 s has to be a multiple of it"),
         ({"step": -1.0}, "step -1 s is given, it has to be positive"),
     ],
 )

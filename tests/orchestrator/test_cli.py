@@ -44,7 +44,7 @@ def test_run_takes_a_scenario_of_ones_own_and_writes_where_it_is_told(tmp_path: 
         (["run", "no_load", "--steps", "1"], "No such option: --steps"),
         (["run", "no_load", "--step", "short"], "Invalid value for '--step'"),
         (["run", "no_load", "--step", "0"], "step 0 s is given, it has to be positive"),
-        (["run", "no_load", "--step", "3e-4"], "has to be a multiple of it"),
+        (["run", "no_load", "--scheme", "jacobi", "--step", "3e-4"], "has to be a multiple of it"),
         (["run", "no_load", "--scheme", "newton"], "scheme 'newton' is given, allowed are jacobi"),
         (["run", "no_load", "--level", "simple"], "--level 'simple' is given, transfer_function, averaged"),
         (["run", "no_load", "--set", "stop_time"], "NAME=VALUE is allowed"),

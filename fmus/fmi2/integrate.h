@@ -75,24 +75,45 @@ static inline double rk_step(Unit *m, double t, double h, const double x0[], con
 }
 
 #if defined UNIT_EVENTS
-/* where in (0, 1] of the step just taken the first event lies: its indicator on the Hermite interpolant, halved down */
+/* the largest indicator at the share s of the step just taken, on the cubic Hermite interpolant; positive: an event is due */
+static double indicator_at(Unit *probe, double s, double t, double h, const double x0[], const double k1[],
+                           const Unit *end) {
+  const double *x1 = end->real, *k4 = end->real + FIRST_DER;
+  double z[N_EVENT1], largest = -DBL_MAX;
+  for (int i = 0; i < N_X; i++) {
+    const double d = x1[i] - x0[i];
+    probe->real[i] = x0[i] + s * d + s * (s - 1) * ((1 - 2 * s) * d + (s - 1) * h * k1[i] + s * h * k4[i]);
+  }
+  evaluate(probe, t + s * h);
+  unit_indicators(probe, z);
+  for (int k = 0; k < N_EVENT; k++) largest = fmax(largest, z[k]);
+  return largest;
+}
+
+/* Where in (0, 1] of the step just taken the first event lies, just behind its root: regula falsi with Illinois' halving
+ * (Dowell and Jarratt 1971, BIT 11), and a bisection after every three that leave most of the bracket. */
 static double first_event(const Unit *m, double t, double h, const double x0[], const double k1[]) {
-  const double *x1 = m->real, *k4 = m->real + FIRST_DER;
-  double low = 0, high = 1, z[N_EVENT1];
+  const double enough = 1e-12 / h;
   Unit probe = *m;
-  for (int n = 0; n < 48 && (high - low) * h > 1e-13; n++) {
-    const double s = (low + high) / 2;
-    for (int i = 0; i < N_X; i++) {
-      const double d = x1[i] - x0[i];
-      probe.real[i] = x0[i] + s * d + s * (s - 1) * ((1 - 2 * s) * d + (s - 1) * h * k1[i] + s * h * k4[i]);
+  double low = 0, high = 1, z_low = indicator_at(&probe, 0, t, h, x0, k1, m),
+         z_high = indicator_at(&probe, 1, t, h, x0, k1, m);
+  if (z_low > 0) return enough < 1 ? enough : 1; /* due from the start: events_here was not asked since */
+  double width = 1;
+  for (int n = 0, kept = 0; n < 100 && high - low > enough; n++) {
+    double s = high - z_high * (high - low) / (z_high - z_low);
+    if (n % 4 == 3 && high - low > width / 2) s = (low + high) / 2;
+    if (n % 4 == 3) width = high - low;
+    s = clamp(s, low + enough / 4, high - enough / 4); /* never onto an end: the bracket closes from both sides */
+    const double z = indicator_at(&probe, s, t, h, x0, k1, m);
+    if (z > 0) {
+      high = s, z_high = z;
+      if (kept > 0) z_low /= 2;
+      kept = kept > 0 ? kept + 1 : 1;
+    } else {
+      low = s, z_low = z;
+      if (kept < 0) z_high /= 2;
+      kept = kept < 0 ? kept - 1 : -1;
     }
-    probe.time = t + s * h;
-    inputs_at(&probe, probe.time);
-    unit_equations(&probe);
-    if (event_pending(&probe, z))
-      high = s;
-    else
-      low = s;
   }
   return high;
 }

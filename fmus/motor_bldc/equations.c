@@ -50,7 +50,7 @@ static void unit_equations(Unit *m) {
     m->der_x_ib = p.der[1];
     m->der_x_i = 0;
     tau_e = 0;
-    for (int x = 0; x < 3; x++) tau_e += k / 2 * trapezoid(m->phi - x * 2 * PI / 3) * i3[x];
+    for (int x = 0; x < 3; x++) tau_e += k / 2 * p.shape[x] * i3[x];
     m->e_a = p.e[0];
     m->e_b = p.e[1];
     m->e_c = p.e[2];
@@ -91,10 +91,11 @@ static void unit_sample(Unit *m) {
     m->i_a = i3[0];
     m->i_b = i3[1];
     m->i_c = i3[2];
-    const double E = m->winding_k / 2 * m->w;
-    m->e_a = E * trapezoid(m->phi);
-    m->e_b = E * trapezoid(m->phi - 2 * PI / 3);
-    m->e_c = E * trapezoid(m->phi - 4 * PI / 3);
+    double shape[3];
+    trapezoids(m->phi, shape);
+    m->e_a = m->winding_k / 2 * m->w * shape[0];
+    m->e_b = m->winding_k / 2 * m->w * shape[1];
+    m->e_c = m->winding_k / 2 * m->w * shape[2];
   }
   m->hall = HALL[n];
   m->H1 = m->hall & 1;
@@ -156,7 +157,7 @@ static void unit_indicators(const Unit *m, double z[N_EVENT]) {
   const int f = FLOATING[modulo6(m->sector[0])];
   if (m->diode[0] == OPEN) {
     const double edge = m->inverter_v_bus / 2;
-    const double v_f = three_phases(m, m->v, m->winding_R, i3).v_floating;
+    const double e[3] = {m->e_a, m->e_b, m->e_c}, v_f = 1.5 * e[f] - (e[0] + e[1] + e[2]) / 2; /* e_f - (e_h + e_l)/2 */
     z[EVENT_diode_high] = v_f - edge;
     z[EVENT_diode_low] = -edge - v_f;
   } else {

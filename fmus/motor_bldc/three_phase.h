@@ -2,11 +2,17 @@
 #include "fmi2/unit.h"
 #include "motor_bldc/open_bridge.h"
 
-/* trapezoid, eq. 2.17: flat over 120 degrees, +1 from 30 to 150 degrees */
-static inline double trapezoid(double theta) {
-  const double x = theta - 2 * PI * floor(theta / (2 * PI)); /* 0 to 2 pi */
+/* trapezoid, eq. 2.17, for x from -2 pi to 2 pi: flat over 120 degrees, +1 from 30 to 150 degrees */
+static inline double trapezoid(double x) {
+  if (x < 0) x += 2 * PI;
   const double s = x < PI ? x : x - PI, y = clamp(6 / PI * (s < PI / 2 ? s : PI - s), 0, 1);
   return x < PI ? y : -y;
+}
+
+/* Tr(theta_e), Tr(theta_e - 2 pi/3), Tr(theta_e - 4 pi/3) of eq. 2.13 to 2.16; one pole pair */
+static inline void trapezoids(double phi, double shape[3]) {
+  const double theta = phi - 2 * PI * floor(phi / (2 * PI));
+  for (int x = 0; x < 3; x++) shape[x] = trapezoid(theta - x * 2 * PI / 3);
 }
 
 /* sector n covers theta_e from 30 + 60 n to 90 + 60 n degrees: which phase is high, low, floating (Table 2.2) */
@@ -18,14 +24,16 @@ static inline int sector_of(double phi) { return (int)floor((phi - PI / 6) / (PI
 static inline int modulo6(int n) { return ((n % 6) + 6) % 6; }
 
 typedef struct {
-  double e[3], der[3], v_floating; /* v_floating: of the floating phase; of the star point while the bridge is off */
+  double shape[3], e[3], der[3],
+      v_floating; /* v_floating: of the floating phase; of the star point while the bridge is off */
 } Phases;
 
 static inline Phases three_phases(const Unit *m, double v, double R, const double i[3]) {
   Phases p;
   const double R_ph = R / 2, L_ph = m->winding_L / 2, v_bus = m->inverter_v_bus;
   const int n = modulo6(m->sector[0]), h = HIGH[n], l = LOW[n], f = FLOATING[n];
-  for (int x = 0; x < 3; x++) p.e[x] = m->winding_k / 2 * m->w * trapezoid(m->phi - x * 2 * PI / 3);
+  trapezoids(m->phi, p.shape);
+  for (int x = 0; x < 3; x++) p.e[x] = m->winding_k / 2 * m->w * p.shape[x];
   if (!m->enable) {
     p.v_floating = open_bridge(m, R, i, p.e, p.der);
     return p;

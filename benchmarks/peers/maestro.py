@@ -74,8 +74,10 @@ def run(wiring: Wiring, folder: Path) -> Run:
             raise RuntimeError(f"Maestro: {(done.stderr or done.stdout)[:2000]}")
         return min(time.perf_counter() - start, _children() - used)
 
-    set_up = simulate(2 * wiring.step)  # start of the virtual machine, loading and initialising
+    set_up = min(simulate(2 * wiring.step) for _ in range(2))  # start of the virtual machine, loading, initialising
     seconds = simulate(wiring.stop) - set_up
+    if seconds <= 0:
+        raise RuntimeError(f"Maestro: {wiring.steps} steps take less than its start, {set_up:.3g} s, varies")
     (recording,) = (folder / "maestro").rglob("outputs.csv")
     with recording.open() as file:
         reader = csv.reader(file)

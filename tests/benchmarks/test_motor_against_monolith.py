@@ -47,12 +47,12 @@ def test_averaged_motor_agrees_with_the_loop(fmu: Callable[[str], Path], loaded:
     assert rms(unit["w"] - loop["w_motor"]) < 1e-5
 
 
-def test_three_phase_motor_agrees_with_the_loop_closer_than_rk4_at_1_us(
+def test_three_phase_motor_agrees_with_the_loop_ten_times_closer_than_rk4_at_1_us(
     fmu: Callable[[str], Path], loaded: Table
 ) -> None:
     unit = run_unit(fmu("motor_bldc"), loaded, level=2)
     loop = three_phase(loaded, 10e-6, Setup.MOTOR_ALONE, locate=True)
     crawl = three_phase(loaded, 1e-6, Setup.MOTOR_ALONE)
     for phase in ("i_a", "i_b", "i_c"):
-        assert rms(unit[phase] - loop[phase]) < 1e-4 < rms(crawl[phase] - loop[phase])
+        assert rms(unit[phase] - loop[phase]) < 0.1 * rms(crawl[phase] - loop[phase])
     assert rms(unit["w"] - loop["w_motor"]) < 1e-4

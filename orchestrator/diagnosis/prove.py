@@ -14,6 +14,7 @@ from typing import Any
 
 from joblib import Parallel, delayed
 
+from orchestrator.data import PACKAGE
 from orchestrator.diagnosis.campaign import holdouts, missing_recordings
 from orchestrator.diagnosis.score import broken_seals, read_object, scoreboard
 from orchestrator.diagnosis.store import write_atomically
@@ -98,11 +99,12 @@ def _case(campaign: Path, out: Path, baseline: str | None) -> CaseResult:
         calls.append(["diagnose", str(campaign / "campaign.toml"), "--out", str(out), *option])
     if holdouts(campaign / "campaign.toml") and not (out / "verify.json").is_file():
         calls.append(["verify", str(out), str(campaign / "campaign.toml")])
+    # this very package, not one that happens to lie in the working directory (-P)
+    path = os.pathsep.join(filter(None, (str(PACKAGE.parent), os.environ.get("PYTHONPATH"))))
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": path}
     for arguments in calls:
-        command = [sys.executable, "-m", "orchestrator.cli", *arguments]
-        ended = subprocess.run(
-            command, capture_output=True, text=True, env=os.environ | {"OMP_NUM_THREADS": "1"}, check=False
-        )
+        command = [sys.executable, "-P", "-m", "orchestrator.cli", *arguments]
+        ended = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
         if ended.returncode:
             said = (ended.stderr.strip() or ended.stdout.strip() or f"exit status {ended.returncode}").splitlines()[-1]
             return CaseResult(campaign.name, "failed", time.monotonic() - begin, f"{arguments[0]}: {said}")

@@ -22,7 +22,8 @@ class Scheme:
                    not take the energy that its neighbour gives, is taken back and halved; steps double where there
                    is room
     tolerance      1; of `sweeps` and `adaptive`
-    step           s; the one that is used where none is given; of an adaptive scheme the longest
+    step           s; the one that is used where none is given; of an adaptive scheme the longest, or the time between
+                   rows where that is shorter
     shortest       s; step of an adaptive scheme, or somewhat below, so that doubled steps meet recorded points
     """
 
@@ -70,7 +71,7 @@ _ALL = (
         extrapolation=2,
         interpolation=3,
         adaptive=True,
-        step=4e-3,
+        step=16e-3,
     ),
 )
 

@@ -63,7 +63,7 @@ def make_clock(scheme: Scheme, start: float, stop: float, step: float | None, ou
         raise UserError(f"start {start:g} s, stop {stop:g} s, output step {output_step:g} s: time has to go forward")
     if step is not None and not 0 < step < math.inf:
         raise UserError(f"step {step:g} s is given, it has to be positive")
-    longest = step or scheme.step
+    longest = step or min(scheme.step, output_step)  # rows inside of steps, interpolated, only where asked for
     rows = math.floor((stop - start) / output_step + 1e-6) + 1
     if scheme.adaptive:  # ticks that divide output_step by powers of two, strides of such powers
         per_row = 2 ** max(0, math.ceil(math.log2(output_step / min(scheme.shortest, longest)) - 1e-9))

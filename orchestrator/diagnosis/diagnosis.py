@@ -40,8 +40,8 @@ class Feature:
 class Form:
     """The shape of an unlisted effect.
 
-    It enters at `port` (`component.variable`, an additive input, or the reading of a channel). A formula where one holds
-    up; the table is what the data give without one: `signal` (the component's own) against the port's value.
+    It enters at `port` (`component.variable`, an additive input, or the reading of a channel). A formula where one
+    holds up; the table is what the data give without one: `signal` (the component's own) against the port's value.
     """
 
     port: str

@@ -1,4 +1,4 @@
-"""What the diagnosis asks of a simulator: parameters, terms that can be switched on, ports that take an added signal, and runs."""
+"""What the diagnosis asks of a simulator: parameters, terms to switch on, ports that take an added signal, and runs."""
 
 from __future__ import annotations
 
@@ -81,9 +81,12 @@ class Port:
 class Plant(Protocol):
     """A system under diagnosis."""
 
-    parameters: Mapping[str, Parameter]
-    terms: Sequence[TermCandidate]
-    ports: Sequence[Port]
+    @property
+    def parameters(self) -> Mapping[str, Parameter]: ...
+    @property
+    def terms(self) -> Sequence[TermCandidate]: ...
+    @property
+    def ports(self) -> Sequence[Port]: ...
 
     def simulate(
         self,
@@ -96,7 +99,8 @@ class Plant(Protocol):
     ) -> Signals:
         """Outputs of the system (and `signals`, `component.variable`) at the recording's time, each (n,).
 
-        values: parameters other than nominal. onsets: of those, which hold only from a time on (neutral or nominal before). added: port -> (n,).
+        values: parameters other than nominal. onsets: of those, which hold only from a time on (neutral or nominal
+        before). added: port -> (n,).
         Raises SimulationError.
         """
         ...

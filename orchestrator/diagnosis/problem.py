@@ -1,4 +1,4 @@
-"""The fit's residual: recording - simulation, all channels and recordings stacked, whitened with the noise's own colour."""
+"""The fit's residual: recording - simulation, channels and recordings stacked, whitened with the noise's own colour."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BLOCK = 16  # samples
 
 @dataclass(frozen=True)
 class Noise:
-    """Of a channel: 1 sigma in all, correlation from sample to sample, and the converter's step, whose rounding is the white part."""
+    """Of a channel: 1 sigma in all, correlation from sample to sample; the converter's step: its rounding is white."""
 
     sigma: float
     colour: float = 0.0
@@ -27,7 +27,7 @@ class Noise:
 
     @property
     def filter(self) -> tuple[float, float, float]:
-        """(rho, theta, sigma of the innovation): (1 - rho B) y = (1 + theta B) e, first-order noise and white rounding."""
+        """(rho, theta, sigma of the innovation): (1 - rho B) y = (1 + theta B) e, noise of order 1 and white rounding."""
         rounding = min(self.step**2 / 12, 0.5 * self.sigma**2)
         first = self.sigma**2 - rounding
         rho = float(np.clip(self.colour * self.sigma**2 / first, 0.0, 0.95))
@@ -71,7 +71,8 @@ class Block:
 class Problem:
     """Recordings to be explained by a plant.
 
-    `whiten` is linear: differences of simulations are whitened the same way as residuals. Rows have unit variance when only noise is left.
+    `whiten` is linear: differences of simulations are whitened the same way as residuals. Rows have unit variance when
+    only noise is left.
     """
 
     def __init__(
@@ -157,7 +158,10 @@ class Problem:
         return found
 
     def excess(self, residual: Vector) -> float:
-        """What is left above noise: chi-square of means over `BLOCK` samples, less its expectation. Slow structure stays in it, white noise goes."""
+        """What is left above noise: chi-square of means over `BLOCK` samples, less its expectation.
+
+        Slow structure stays in it, white noise goes.
+        """
         total = 0.0
         for block in self.blocks:
             n = len(residual[block.rows]) // BLOCK * BLOCK

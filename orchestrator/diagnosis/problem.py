@@ -27,7 +27,7 @@ class Noise:
 
     @property
     def filter(self) -> tuple[float, float, float]:
-        """(rho, theta, sigma of the innovation): (1 - rho B) y = (1 + theta B) e, noise of order 1 and white rounding."""
+        """(rho, theta, sigma of the innovation): (1 - rho B) y = (1 + theta B) e, noise and white rounding."""
         rounding = min(self.step**2 / 12, 0.5 * self.sigma**2)
         first = self.sigma**2 - rounding
         rho = float(np.clip(self.colour * self.sigma**2 / first, 0.0, 0.95))

@@ -148,11 +148,16 @@ static const char *integrate(Unit *m, double t_end) {
     double z[N_EVENT1];
     if (error <= 1 && event_pending(m, z)) {
       const double s = first_event(m, t, h, x0, k1);
-      if (s < 1) {
-        last = false;
-        h *= s;
-        memcpy(m->real, x0, sizeof(double) * N_X);
-        error = rk_step(m, t, h, x0, k1);
+      if (s < 1) { /* the step ends behind the event: rounding may want it longer, or the event would never come */
+        const double whole = h;
+        double more = 0;
+        do {
+          h = fmin(whole * s + more, whole);
+          memcpy(m->real, x0, sizeof(double) * N_X);
+          error = rk_step(m, t, h, x0, k1);
+          more = fmax(2 * more, 1e-13);
+        } while (h < whole && !event_pending(m, z));
+        last = last && h >= whole;
       }
     }
 #endif

@@ -240,11 +240,13 @@ def fit(
     settled: float = 1.0,
     roughly: float = 0.0,
     most: int = 30,
+    fresh_most: int = 100,
 ) -> Fit | None:
     """Levenberg-Marquardt inside bounds; Broyden's update where the last step came as promised, fresh differences where not.
 
     x, jacobian: where to start, and an approximate Jacobian there (rows, len(x)). settled: chi-square below which a further step is not worth
-    its run; roughly: the same as a share of what is above noise. None: the start cannot be simulated.
+    its run; roughly: the same as a share of what is above noise. fresh_most: Jacobians
+    by differences at most. None: the start cannot be simulated.
     """
     coordinates = hypothesis.coordinates
     lower, upper = np.array([c.lower for c in coordinates]), np.array([c.upper for c in coordinates])
@@ -274,8 +276,10 @@ def fit(
                 break
             if fresh:
                 damping = max(5 * damping, 1e-2 * max(cost - problem.samples, settled))
+            elif fresh_most > 0:
+                J, fresh, fresh_most = difference(problem, hypothesis, at, base), True, fresh_most - 1
             else:
-                J, fresh = difference(problem, hypothesis, at, base), True
+                break
             continue
         moved = trial - at
         J = J + np.outer(found.white - base.white - J @ moved, moved) / float(moved @ moved)
@@ -284,8 +288,9 @@ def fit(
             break
         kept = gained / promised
         damping *= 0.15 if kept > 0.7 else 0.5 if kept > 0.4 else 1.5
-        if kept < 0.5 or gained > 0.3 * max(cost - problem.samples, settled):
-            J, fresh = difference(problem, hypothesis, at, base), True
+        far = kept < 0.5 or gained > 0.3 * max(cost - problem.samples, settled)
+        if far and fresh_most > 0:
+            J, fresh, fresh_most = difference(problem, hypothesis, at, base), True, fresh_most - 1
     if J is None:
         return None
     return Fit(hypothesis, at, float(residual @ residual), residual, base, J, fresh, step_number)

@@ -12,12 +12,12 @@ from orchestrator.diagnosis.fit import Active, Fit, Hypothesis, difference, fit
 from orchestrator.diagnosis.problem import Problem, Vector
 from orchestrator.diagnosis.scan import Column, Scan, Score, scores
 
-EVIDENCE = 100.0  # chi-square that a term must take away; healthy campaigns reach 30 (docs/diagnosis-calibration.md)
+EVIDENCE = 500.0  # chi-square that a term must take away; healthy campaigns reach 30 (docs/diagnosis-calibration.md)
 LEADERS = 4  # of a scan's ranking that are fitted with everything else free
 MOST_TERMS = 4
 ALIKE = 30.0  # chi-square by which a term's fit may be worse and still not be told apart
 ALIKE_SHARE = 0.05  # the same, as a share of what the best fit leaves
-SHARE = 0.01  # of what is to be explained, that a term promises at least if it is to be tried
+RIVAL = 0.3  # of the best promise, that another term's promise must have to be tried against it
 ROUGHLY = 0.01  # precision of fits that only compete, as a share of what is above noise
 
 Progress = Callable[[str], None]
@@ -40,7 +40,7 @@ class Naming:
     named: list[Named]
     ranking: list[list[Candidate]]
     columns: list[Column]
-    rivals: dict[str, Fit]  # term (instead of the last one added) -> fit
+    history: list[Fit]  # the base model, then after every term
 
 
 class Namer:
@@ -53,7 +53,7 @@ class Namer:
 
     def name(self, calibrated: Fit) -> Naming:
         """From the base model up."""
-        best, named, ranking, columns, rivals = calibrated, [], [], [], {}
+        best, named, ranking, columns, history = calibrated, [], [], [], [calibrated]
         while len(best.hypothesis.active) < MOST_TERMS and self.unexplained(best):
             self.progress(f"scan {len(ranking) + 1}: every term that the units know")
             columns = self.scan.columns(best, skip=[a.term.name for a in best.hypothesis.active])
@@ -72,9 +72,10 @@ class Namer:
                 if n != winner and self.as_good(f, found[winner])
             }
             self.progress(f"{winner} takes {gain:.0f} of {best.chi2 - self.problem.samples:.0f} above noise")
-            best, rivals = found[winner], found
+            best = found[winner]
+            history.append(best)
             named.append(Named(winner, gain, alike))
-        return Naming(best, named, ranking, columns, rivals)
+        return Naming(best, named, ranking, columns, history)
 
     def unexplained(self, fit: Fit) -> bool:
         """Whether more is left than noise leaves."""
@@ -89,55 +90,47 @@ class Namer:
     def compete(self, best: Fit, ranked: Sequence[Score], leaders: int = LEADERS) -> dict[str, Fit]:
         """The leaders fitted roughly, then those that come near the best one to the end. Twins are not fitted twice."""
         above = max(best.chi2 - self.problem.samples, 0.0)
-        tried = [
-            s for s in ranked if s.gain > max(0.3 * EVIDENCE, SHARE * above) and s.term.name not in self.scan.twins
-        ][:leaders]
-        fits = {}
+        top = max((s.gain for s in ranked), default=0.0)
+        worth = max(0.3 * EVIDENCE, RIVAL * top)
+        tried = [s for s in ranked if s.gain > worth and s.term.name not in self.scan.twins][:leaders]
+        fits: dict[str, Fit] = {}
         for score in tried:
-            found = self.fit_with(best, score, roughly=ROUGHLY, settled=20.0)
-            if found is not None and found.cost < best.cost:
-                found = self.with_onset(found)
-                fits[score.term.name] = found
-                if (
-                    found.chi2 - self.problem.samples < 0.02 * above
-                    and self.problem.excess(found.residual) < 3 * self.problem.excess_scatter
-                ):
-                    break  # nothing left: the next ones promise less
+            found = fit_added(self.problem, best, score.active, most=8, fresh=2, settled=20.0, roughly=ROUGHLY)
+            if found is None or found.cost >= best.cost:
+                continue
+            fits[score.term.name] = found = self.with_onset(found)
+            if self.problem.excess(found.residual) < max(5 * self.problem.excess_scatter, 0.005 * above):
+                break  # nothing left: the next ones promise less
         if not fits:
             return {}
         lowest = min(f.cost for f in fits.values())
-        near = {n: f for n, f in fits.items() if f.cost - lowest < 0.5 * max(best.cost - lowest, 0.0)}
-        polished = {n: fit_on(self.problem, f, settled=2.0) or f for n, f in near.items()}
-        top = min(polished, key=lambda n: polished[n].cost)
-        for score in ranked:  # fitted nowhere, yet as good by the score test as what it is a twin of
-            leader = self.scan.twins.get(score.term.name)
-            if leader in polished and score.term.name not in polished and polished[leader].cost == polished[top].cost:
-                polished[score.term.name] = replace(polished[leader], x=polished[leader].x)
+        near = {n: f for n, f in fits.items() if f.cost - lowest < 0.3 * max(best.cost - lowest, 0.0)}
+        polished = {n: fit_on(self.problem, f, settled=3.0, roughly=0.002) or f for n, f in near.items()}
         return dict(sorted(polished.items(), key=lambda item: item[1].cost))
-
-    def fit_with(self, best: Fit, score: Score, *, roughly: float, settled: float) -> Fit | None:
-        """The best hypothesis with one more term, started from the score test's amplitude and sensitivities."""
-        return fit_added(self.problem, best, score.active, score.column, roughly=roughly, settled=settled)
 
     def with_onset(self, found: Fit) -> Fit:
         """The last term's onset, if it has one: refined by halving, dropped where starting at once is as good."""
         active = found.hypothesis.active[-1]
         if active.onset is None:
             return found
-        centre, width = active.onset, float(self.problem.times().max()) / 16
-        best = found
+        best, width = found, float(self.problem.times().max()) / 32
         while width > 0.01:
-            for onset in (centre - width / 2, centre + width / 2):
-                if onset <= 0:
+            settled = best.settled()
+            centre = settled.active[-1].onset or 0.0
+            trials = [
+                replace_last(settled, replace(settled.active[-1], onset=t))
+                for t in (centre - width, centre + width)
+                if t > 0
+            ]
+            x = base_start(settled, best)
+            for trial, simulated in zip(trials, self.problem.simulate([t.run(x) for t in trials]), strict=True):
+                if simulated is None:
                     continue
-                trial = replace_last(best.settled(), replace(best.settled().active[-1], onset=onset))
-                moved = fit(
-                    self.problem, trial, base_start(trial, best), best.jacobian, settled=20.0, roughly=0.02, most=3
-                )
-                if moved is not None and moved.cost < best.cost:
-                    best = moved
-            centre, width = best.hypothesis.active[-1].onset or centre, width / 2
-        return best
+                rest = self.problem.recorded - simulated.white
+                if float(rest @ rest) < best.chi2:
+                    best = Fit(trial, x, float(rest @ rest), rest, simulated, _settled_jacobian(found), False, 0)
+            width /= 2
+        return fit_on(self.problem, best, settled=5.0, roughly=ROUGHLY, most=4) or best
 
 
 def replace_last(hypothesis: Hypothesis, active: Active) -> Hypothesis:
@@ -153,27 +146,33 @@ def base_start(hypothesis: Hypothesis, best: Fit) -> Vector:
     return x
 
 
-def fit_on(problem: Problem, found: Fit, *, settled: float, most: int = 12) -> Fit | None:
+def fit_on(problem: Problem, found: Fit, *, settled: float, roughly: float = 0.0, most: int = 12) -> Fit | None:
     """The same hypothesis, fitted on from where it stands."""
-    return fit(problem, found.hypothesis, found.x, found.jacobian, settled=settled, most=most)
+    return fit(problem, found.hypothesis, found.x, found.jacobian, settled=settled, roughly=roughly, most=most)
 
 
 def fit_added(
-    problem: Problem, best: Fit, active: Active, column: Column, *, roughly: float, settled: float
+    problem: Problem, best: Fit, active: Active, *, most: int, fresh: int, settled: float, roughly: float
 ) -> Fit | None:
-    """The hypothesis of `best` with one more term; its Jacobian is that of `best` and the scanned column, so that no run is wasted."""
+    """The hypothesis of `best` with one more term; its Jacobian is that of `best` and the new term's own, so that few runs are needed."""
     hypothesis = replace(best.settled(), active=(*best.settled().active, active))
     x = base_start(hypothesis, best)
-    coordinates = hypothesis.coordinates
-    own = [k for k in range(len(best.x), len(coordinates))]
+    own = list(range(len(best.x), len(hypothesis.coordinates)))
     base = problem.simulate([hypothesis.run(x)])[0]
-    if base is None:
+    added = difference(problem, hypothesis, x, base, own) if base is not None else None
+    if added is None:
         return None
-    fresh = difference(problem, hypothesis, x, base, own)
-    if fresh is None:
-        return None
-    J = np.column_stack([_settled_jacobian(best), fresh])
-    return fit(problem, hypothesis, x, J, settled=settled, roughly=roughly)
+    J = np.column_stack([_settled_jacobian(best), added])
+    return fit(problem, hypothesis, x, J, settled=settled, roughly=roughly, most=most, fresh_most=fresh)
+
+
+def prune(problem: Problem, calibrated: Fit, naming: Naming) -> tuple[Fit, list[Named]]:
+    """Without the last terms that explain less than what stays unexplained: patches, not explanations."""
+    left = problem.excess(naming.fit.residual) - 3 * problem.excess_scatter
+    named = list(naming.named)
+    while named and named[-1].gain < left:
+        named.pop()
+    return naming.history[len(named)], named
 
 
 def _settled_jacobian(best: Fit) -> Vector:

@@ -147,29 +147,30 @@ class Scan:
                 continue
             power = np.zeros(len(shape.values))
             for angle in angles[term.component]:
-                power = np.maximum(power, self._order_power(fit.residual, angle, outputs, shape.values))
+                power = np.maximum(power, order_power(self.problem, fit.residual, angle, outputs, shape.values))
             best = np.argsort(-power)[:ORDERS]
             found[shape.name] = [shape.values[k] for k in sorted(best)]
         return found
 
-    def _order_power(
-        self, residual: Vector, angle: str, outputs: Sequence[Mapping[str, Vector]], orders: Sequence[float]
-    ) -> Vector:
-        """sum over windows and channels of |projection on exp(j n phi)|^2, over its expectation: a phase that shifts with speed does no harm"""
-        width, total = 512, np.zeros(len(orders))
-        for block in self.problem.blocks:
-            phi = outputs[block.recording].get(angle)
-            if phi is None:
-                continue
-            r = residual[block.rows]
-            n = len(r) // width * width
-            turned = np.abs(phi[width - 1 : n : width] - phi[0:n:width])
-            r, p = r[:n].reshape(-1, width), phi[:n].reshape(-1, width)
-            for k, order in enumerate(orders):
-                seen = turned * order > 2 * np.pi  # one period at least
-                wave = np.abs(np.sum(r * np.exp(-1j * order * p), axis=1)) ** 2 / width
-                total[k] += float(np.sum(wave[seen] - 1))
-        return total
+
+def order_power(
+    problem: Problem, residual: Vector, angle: str, outputs: Sequence[Mapping[str, Vector]], orders: Sequence[float]
+) -> Vector:
+    """sum over windows and channels of |projection on exp(j n phi)|^2 over its expectation, per order; a phase that shifts with speed does no harm"""
+    width, total = 512, np.zeros(len(orders))
+    for block in problem.blocks:
+        phi = outputs[block.recording].get(angle)
+        if phi is None:
+            continue
+        r = residual[block.rows]
+        n = len(r) // width * width
+        turned = np.abs(phi[width - 1 : n : width] - phi[0:n:width])
+        r, p = r[:n].reshape(-1, width), phi[:n].reshape(-1, width)
+        for k, order in enumerate(orders):
+            seen = turned * order > 2 * np.pi  # one period at least
+            wave = np.abs(np.sum(r * np.exp(-1j * order * p), axis=1)) ** 2 / width
+            total[k] += float(np.sum(wave[seen] - 1))
+    return total
 
 
 def scores(problem: Problem, fit: Fit, columns: Sequence[Column]) -> list[Score]:

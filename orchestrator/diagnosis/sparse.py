@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +13,13 @@ from scipy.signal import savgol_filter
 from orchestrator.diagnosis.campaign import Campaign
 from orchestrator.diagnosis.diagnosis import Diagnosis, Estimate, Finding
 from orchestrator.diagnosis.recording import Recording
+from orchestrator.diagnosis.simulate import Simulator
 from orchestrator.errors import UserError
 from orchestrator.system.model import System
 from orchestrator.system.read import load_system
 
 WINDOW = 51  # samples of the smoothing differentiator: noise in dw/dt against transients
-THRESHOLD = 0.15  # of a standardised coefficient, below which a term is dropped
+THRESHOLD = 0.2  # of a standardised coefficient, below which a term is dropped
 Row = NDArray[np.float64]
 
 
@@ -41,7 +43,7 @@ class Equation:
     """An equation of motion: what its known terms leave over, what a re-fit may absorb, and candidates by name."""
 
     name: str
-    loaded: bool  # only runs against the brake have it
+    needs: frozenset[str]  # inputs without which a run does not have it
     left_over: Callable[[Signals, Mapping[str, float]], Row]
     refitted: Callable[[Signals, Mapping[str, float]], list[Row]]
     candidates: Mapping[str, Callable[[Signals, Mapping[str, float]], list[Row]]]
@@ -57,11 +59,16 @@ def sparse_regression(campaign: Campaign, calibrated: Mapping[str, Estimate]) ->
 
     if campaign.system != "joint":
         raise UserError(f"--baseline sparse knows the equations of the joint, system {campaign.system!r} is given")
-    p = _values({setup: load_system(path) for setup, path in campaign.setups.items()}, calibrated)
+    systems = {setup: load_system(path) for setup, path in campaign.setups.items()}
+    p = _values(systems, calibrated)
+    with Simulator(systems, {name: estimate.value for name, estimate in calibrated.items()}) as simulate:
+        pairs = [(signals_of(r), signals_of(replace(r, outputs=dict(simulate(r))))) for r in campaign.train]
     findings = []
     for equation in EQUATIONS:
-        runs = [signals_of(r) for r in campaign.train if "tau_sensor" in r.outputs or not equation.loaded]
-        y = np.concatenate([equation.left_over(s, p) for s in runs])
+        used = [pair for pair, r in zip(pairs, campaign.train, strict=True) if r.inputs.keys() >= equation.needs]
+        runs = [measured for measured, _ in used]
+        # the simulation leaves over what smoothing and differentiating do to a healthy bench
+        y = np.concatenate([equation.left_over(s, p) - equation.left_over(healthy, p) for s, healthy in used])
         base = np.column_stack([np.concatenate(c) for c in zip(*(equation.refitted(s, p) for s in runs), strict=True)])
         names, columns = [], []
         for name, candidate in equation.candidates.items():
@@ -72,12 +79,15 @@ def sparse_regression(campaign: Campaign, calibrated: Mapping[str, Estimate]) ->
         rest, theta = y - q @ (q.T @ y), np.column_stack(columns)
         theta = theta - q @ (q.T @ theta)
         scale = np.maximum(np.std(theta, axis=0), 1e-12)
-        kept = STLSQ(threshold=THRESHOLD, alpha=1e-6).fit(theta / scale, (rest / np.std(rest))[:, None]).coef_[0]
+        with warnings.catch_warnings():  # pysindy warns where nothing is kept, which is an answer here
+            warnings.simplefilter("ignore", UserWarning)
+            regression = STLSQ(threshold=THRESHOLD, alpha=1e-6).fit(theta / scale, (rest / np.std(rest))[:, None])
+        kept = regression.coef_[0]
         for name in dict.fromkeys(n for n, c in zip(names, kept, strict=True) if c != 0):
             size = float(np.hypot.reduce([c for n, c in zip(names, kept, strict=True) if n == name]))
             where = {"recording": None, "regime": equation.name}
             findings.append(Finding(name, (), float(min(0.99, 0.5 + size / 2)), None, {}, where, size))
-    findings.sort(key=lambda f: -f.gain)
+    findings = list({f.term: f for f in sorted(findings, key=lambda f: f.gain)}.values())[::-1]  # of two equations once
     verdict = "explained" if findings else "nothing_missing"
     return Diagnosis(verdict, findings, dict(calibrated), dict(calibrated))  # type: ignore[arg-type]
 
@@ -118,11 +128,21 @@ def _voltage(s: Signals, p: Mapping[str, float]) -> Row:
 
 def _rotor(s: Signals, p: Mapping[str, float]) -> Row:
     """k i - J dw/dt - friction - load, at the rotor"""
-    load = s.tau / p["ratio.N"]
-    share = (1 + np.tanh(s.tau * s.w)) / 2  # RIG.md's m: motor drives
-    load = load * (share / p["mesh.eta"] + (1 - share) * p["mesh.eta"])
+    m, eta = _driving(s), p["mesh.eta"]
+    load = s.tau / p["ratio.N"] * (m / eta + (1 - m) * eta)
     friction = p["tau_C"] * _sgn(s.w, 1.0) + p["d"] * s.w
     return p["winding.k"] * s.i - p["J"] * s.dw - friction - load
+
+
+def _driving(s: Signals) -> Row:
+    """1 where the motor drives, 0 where the load does"""
+    return (1 + np.tanh(s.tau * s.w)) / 2
+
+
+def _efficiency(s: Signals, p: Mapping[str, float]) -> Row:
+    """d(load)/d(eta)"""
+    m, eta = _driving(s), p["mesh.eta"]
+    return s.tau / p["ratio.N"] * (-m / eta**2 + (1 - m))
 
 
 def _output(s: Signals, p: Mapping[str, float]) -> Row:
@@ -148,7 +168,7 @@ def _turn(angle: Row, n: float) -> list[Row]:
 EQUATIONS = (
     Equation(
         "voltage",
-        False,
+        frozenset(),
         _voltage,
         lambda s, p: [s.i, s.w],
         {
@@ -161,9 +181,9 @@ EQUATIONS = (
     ),
     Equation(
         "rotor",
-        False,
+        frozenset(),
         _rotor,
-        lambda s, p: [_sgn(s.w, 1.0), s.w, s.dw, s.i, s.tau],
+        lambda s, p: [_sgn(s.w, 1.0), s.w, s.dw, s.i, _efficiency(s, p)],
         {
             "motor_bldc.stribeck": lambda s, p: [_sgn(s.w, 1.0) * np.exp(-np.abs(s.w) / 10)],
             "motor_bldc.windage": lambda s, p: [s.w * np.abs(s.w)],
@@ -179,12 +199,11 @@ EQUATIONS = (
     ),
     Equation(
         "output",
-        True,
+        frozenset({"i_brake"}),
         _output,
         lambda s, p: [_sgn(s.w, 56.0), s.w, s.dw, np.abs(s.i_b) * _sgn(s.w, 56.0)],
         {
             "torque_sensor.offset": lambda s, p: [np.ones_like(s.w)],
-            "torque_sensor.gain": lambda s, p: [s.tau],
             "torque_sensor.low_pass": lambda s, p: [np.gradient(s.tau, s.t)],
             "mr_brake_belt.imbalance": lambda s, p: _turn(s.phi / p["ratio.N"], 1),
             "mr_brake_belt.position_friction": lambda s, p: [

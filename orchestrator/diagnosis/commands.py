@@ -56,8 +56,14 @@ def diagnose(
     Called again after an interruption, it goes on from what it finished.
     """
     from orchestrator.diagnosis.campaign import load_campaign
+    from orchestrator.diagnosis.frequency import is_response
     from orchestrator.diagnosis.run import diagnose_campaign
 
+    if is_response(campaign):
+        if baseline is not None:
+            raise UserError(f"--baseline {baseline!r} is given, none is there for a frequency response")
+        _diagnose_response(campaign, out)
+        return
     loaded = load_campaign(campaign)
     folder = _folder(out or loaded.path.parent / "diagnosis")
     with _stages() as progress:
@@ -76,6 +82,27 @@ def diagnose(
         console.print(_figures(f"rms of recording - simulation, {title}", figures, result.units))
     if content.get("next_experiment"):
         console.print(f"next: {escape(content['next_experiment'])}", soft_wrap=True)
+    for path in result.files:
+        console.print(path, soft_wrap=True)
+
+
+def _diagnose_response(campaign: Path, out: Path | None) -> None:
+    """`diagnose` of amplitudes over frequency: every reading of the experiment beside the others."""
+    from orchestrator.diagnosis.frequency_run import diagnose_response_campaign
+
+    path = campaign / "campaign.toml" if campaign.is_dir() else campaign
+    folder = _folder(out or path.parent / "diagnosis")
+    with _stages() as progress:
+        result = diagnose_response_campaign(path, folder, progress=progress)
+    console.print(f"\n[bold]{escape(result.sentence)}[/bold]", soft_wrap=True)
+    if result.diagnosis["findings"]:
+        console.print(_findings(result.diagnosis["findings"]))
+    grid = Table(title="rms of ln(simulated/measured)", title_justify="left", title_style="bold")
+    for name in ("reading", *VARIANTS, "named"):
+        grid.add_column(name, justify="right" if name in VARIANTS else "left")
+    for row in result.diagnosis["readings"]:
+        grid.add_row(row["name"], *(f"{row[name]:.4f}" for name in VARIANTS), ", ".join(row["terms"]) or "-")
+    console.print(grid)
     for path in result.files:
         console.print(path, soft_wrap=True)
 

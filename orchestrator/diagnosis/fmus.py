@@ -32,7 +32,8 @@ class FmuPlant:
         self._there = {setup: {c.name for c in system.components} for setup, system in systems.items()}
         self.parameters = {p.name: p for c in components.values() for p in _parameters(c)}
         self.terms = tuple(t for c in components.values() for t in _terms(c))
-        self.ports = tuple(p for c in components.values() for p in _ports(c))
+        offered = {name for system in self.systems.values() for name in system.inputs}
+        self.ports = tuple(p for c in components.values() for p in _ports(c) if p.name in offered)
         self._idle: dict[str, queue.LifoQueue[Simulation]] = {setup: queue.LifoQueue() for setup in systems}
         self._all: list[Simulation] = []
 

@@ -37,7 +37,8 @@ static inline double drive(Unit *m, double i, double e, double R) {
   if (limited) i_ref = clamp(i_ref, -current_limit(m), current_limit(m));
   const double error = i_ref - i;
   v = m->drive_w_c * (m->winding_L * error + m->winding_R * m->q_i) + m->drive_decoupling * e;
-  const bool high = v > v_max, low = v < -v_max;
-  if (!(high && error > 0) && !(low && error < 0)) m->der_q_i = error; /* no wind-up */
-  return clamp(v, -v_max, v_max);
+  const double limited_v = clamp(v, -v_max, v_max);
+  /* no wind-up: what the limit takes away is taken back from the integral, within L/R */
+  m->der_q_i = error - (v - limited_v) / (m->drive_w_c * m->winding_L);
+  return limited_v;
 }

@@ -95,7 +95,7 @@ class Finding:
             "component": self.component,
             "confidence": self.confidence,
             "onset": self.onset,
-            "parameters": {name: estimate.to_json() for name, estimate in self.parameters.items()},
+            "parameters": {n.removeprefix(f"{self.term}."): e.to_json() for n, e in self.parameters.items()},
             "where": self.where,
             "evidence": self.gain,
             "words": self.words,

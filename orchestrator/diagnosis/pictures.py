@@ -17,7 +17,8 @@ from orchestrator.diagnosis.conditioning import ChannelQuality
 
 COLOUR = {"recorded": "#555555", "nominal": "#b0b0b0", "calibrated": "#d1651a", "repaired": "#1f6fb2"}
 BINS = 500  # per curve: least and greatest of each bin, so that no spike is lost
-ZOOM = 0.6  # s
+ZOOM = 2.0  # s
+AVERAGED = 25  # samples, odd
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ def all_pictures(
         return pictures
     first = _evidence(compared, d, noise)
     pictures.append(closer_look(first, noise, units))
-    pictures += [residuals(c, noise, units) for c in [first, *(c for c in compared if c is not first)]]
+    pictures += [residuals(c, quality, units) for c in [first, *(c for c in compared if c is not first)]]
     return pictures + [shape_picture(f) for f in d["findings"] if _has_table(f)]
 
 
@@ -75,8 +76,8 @@ def before_and_after(d: Mapping[str, Any]) -> Picture:
                 col=column,
             )
         figure.add_hline(y=1, line_dash="dot", line_color="#333333", row=1, col=column)
-    figure.update_yaxes(type="log", title_text="error / noise (rms)", row=1, col=1)
-    figure.update_yaxes(range=_decades(d))
+    figure.update_yaxes(type="log", range=_decades(d), dtick=1)
+    figure.update_yaxes(title_text="error / noise (rms)", row=1, col=1)
     figure.update_layout(barmode="group", height=330)
     return Picture(
         "Before and after",
@@ -91,68 +92,71 @@ def _decades(d: Mapping[str, Any]) -> tuple[float, float]:
     return float(np.log10(0.7)), float(np.log10(max(worst, 1.0)) * 1.08 + 0.1)
 
 
-def residuals(c: Comparison, noise: Mapping[str, float], units: Mapping[str, str]) -> Picture:
-    """recording - simulation over time, calibrated and repaired, against the noise band."""
+def residuals(c: Comparison, quality: Mapping[str, ChannelQuality], units: Mapping[str, str]) -> Picture:
+    """recording - simulation over time, calibrated and repaired, averaged so that structure rises above noise."""
     channels = list(c.recording.outputs)
     figure = make_subplots(rows=len(channels), shared_xaxes=True, vertical_spacing=0.05)
     for row, channel in enumerate(channels, 1):
         for variant in ("calibrated", "repaired"):
-            if variant in c.simulated:
-                t, x = envelope(c.recording.time, c.residual(variant, channel))
-                figure.add_scatter(
-                    x=t,
-                    y=x,
-                    name=variant,
-                    legendgroup=variant,
-                    showlegend=row == 1,
-                    line={"color": COLOUR[variant], "width": 1},
-                    row=row,
-                    col=1,
-                )
-        figure.add_hrect(
-            y0=-2 * noise[channel],
-            y1=2 * noise[channel],
-            fillcolor="#000000",
-            opacity=0.12,
-            line_width=0,
-            row=row,
-            col=1,
-        )
+            t, x = envelope(c.recording.time, moving_average(c.residual(variant, channel)))
+            figure.add_scatter(
+                x=t, y=x, name=variant, legendgroup=variant, showlegend=row == 1,
+                line={"color": COLOUR[variant], "width": 1}, row=row, col=1,
+            )  # fmt: skip
+        q = quality[channel]
+        _band(figure, 2 * q.noise * float(np.sqrt((1 + q.colour) / (1 - q.colour) / AVERAGED)), row)
         figure.update_yaxes(title_text=f"{channel}<br>{units.get(channel, '')}", row=row, col=1)
     figure.update_xaxes(title_text="time / s", row=len(channels), col=1)
     figure.update_layout(height=110 + 130 * len(channels))
     role = "held out" if c.recording.role == "holdout" else "training"
-    return Picture(
-        f"What remains: {c.recording.name} ({role})",
-        "Recording − simulation; the grey band is ±2 sigma of the logger's noise.",
-        _html(figure),
-    )
+    words = f"Recording − simulation, averaged over {AVERAGED} samples; the grey band is ±2 sigma of such an average."
+    return Picture(f"What remains: {c.recording.name} ({role})", words, _html(figure))
 
 
 def closer_look(c: Comparison, noise: Mapping[str, float], units: Mapping[str, str]) -> Picture:
-    """Recorded and simulated signals where the repair matters most."""
+    """What the calibrated system misses, and what the repair adds, where that matters most."""
     channels = list(c.recording.outputs)
     best = max(channels, key=lambda n: _gain(c, n, noise[n]))
     start, stop = strongest_window(c, best, ZOOM)
     inside = (c.recording.time >= start) & (c.recording.time <= stop)
+    t = c.recording.time[inside]
     figure = make_subplots(rows=len(channels), shared_xaxes=True, vertical_spacing=0.05)
     for row, channel in enumerate(channels, 1):
-        t = c.recording.time[inside]
+        missed = c.residual("calibrated", channel)[inside]
+        added = c.simulated["repaired"][channel][inside] - c.simulated["calibrated"][channel][inside]
         figure.add_scatter(
-            x=t, y=c.recording.outputs[channel][inside], name="recorded", legendgroup="recorded", showlegend=row == 1,
-            mode="markers", marker={"color": COLOUR["recorded"], "size": 3, "opacity": 0.6}, row=row, col=1,
+            x=t, y=missed, name="recorded − calibrated", legendgroup="missed", showlegend=row == 1, mode="markers",
+            marker={"color": COLOUR["calibrated"], "size": 3, "opacity": 0.5}, row=row, col=1,
         )  # fmt: skip
-        for variant in ("calibrated", "repaired"):
-            if variant in c.simulated:
-                figure.add_scatter(
-                    x=t, y=c.simulated[variant][channel][inside], name=variant, legendgroup=variant,
-                    showlegend=row == 1, line={"color": COLOUR[variant], "width": 1.8}, row=row, col=1,
-                )  # fmt: skip
+        figure.add_scatter(
+            x=t, y=added, name="repaired − calibrated", legendgroup="added", showlegend=row == 1,
+            line={"color": COLOUR["repaired"], "width": 2}, row=row, col=1,
+        )  # fmt: skip
+        _band(figure, 2 * noise[channel], row)
         figure.update_yaxes(title_text=f"{channel}<br>{units.get(channel, '')}", row=row, col=1)
     figure.update_xaxes(title_text="time / s", row=len(channels), col=1)
     figure.update_layout(height=110 + 150 * len(channels))
-    words = f"{c.recording.name}, {start:.2f} to {stop:.2f} s: where the repaired system gains most, in {best}."
+    words = (
+        f"{c.recording.name}, {start:.2f} to {stop:.2f} s, where the repair gains most, in {best}: dots are what the "
+        "calibrated system misses, the line is what the repair adds, the grey band is ±2 sigma of the noise."
+    )
     return Picture("A closer look", words, _html(figure))
+
+
+def moving_average(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Over AVERAGED samples, centred; NaN where one of them was not recorded."""
+    if len(x) < AVERAGED:
+        return x
+    total = np.concatenate([[0.0], np.cumsum(np.nan_to_num(x))])
+    lost = np.concatenate([[0], np.cumsum(~np.isfinite(x))])
+    mean = (total[AVERAGED:] - total[:-AVERAGED]) / AVERAGED
+    mean[lost[AVERAGED:] > lost[:-AVERAGED]] = np.nan
+    half = AVERAGED // 2
+    return np.concatenate([np.full(half, np.nan), mean, np.full(len(x) - len(mean) - half, np.nan)])
+
+
+def _band(figure: go.Figure, half: float, row: int) -> None:
+    figure.add_hrect(y0=-half, y1=half, fillcolor="#000000", opacity=0.12, line_width=0, row=row, col=1)
 
 
 def shape_picture(f: Mapping[str, Any]) -> Picture:

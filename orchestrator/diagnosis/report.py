@@ -38,6 +38,7 @@ class ReportData:
     nominal: Mapping[str, float] = field(default_factory=dict)  # parameter -> value as specified
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # parameter -> tolerance
     terms: Mapping[str, TermText] = field(default_factory=dict)  # component.term -> its texts
+    tried: Sequence[tuple[str, float]] = ()  # term, chi-square that it alone would take away; the best first
     provenance: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -63,6 +64,7 @@ def render(data: ReportData) -> str:
         has_holdout=any("holdout" in c for c in d["channels"].values()),
         improvement=improvement(d),
         calibrated=_parameters(d, data),
+        tried=[(term, _title(term, data.terms), gain) for term, gain in data.tried],
         next_experiment=d.get("next_experiment"),
         pictures=pictures.all_pictures(data.compared, d, data.quality, data.units),
         script=pictures.script(),
@@ -130,7 +132,8 @@ def percent(x: float | None) -> str:
 
 
 def _title(term: str, terms: Mapping[str, TermText]) -> str:
-    return terms[term].title if term in terms else _words(term.split(".", 1)[-1])
+    """A term's title without what follows its colon."""
+    return terms[term].title.split(":")[0] if term in terms else _words(term.split(".", 1)[-1])
 
 
 def _words(name: str) -> str:
@@ -140,6 +143,7 @@ def _words(name: str) -> str:
 def _finding(f: Mapping[str, Any], terms: Mapping[str, TermText]) -> dict[str, Any]:
     text = terms.get(f["term"], TermText(_title(f["term"], terms)))
     where = f.get("where") or {}
+    shown = [f["words"]] if f.get("words") else [str(where[k]) for k in ("recording", "regime") if where.get(k)]
     return {
         "term": f["term"],
         "title": "no listed term: " + _words(f["component"]) if f["term"].endswith(".unlisted") else text.title,
@@ -148,7 +152,7 @@ def _finding(f: Mapping[str, Any], terms: Mapping[str, TermText]) -> dict[str, A
         "source": text.source,
         "confidence": f.get("confidence"),
         "onset": f.get("onset"),
-        "where": [str(where[key]) for key in ("recording", "regime") if where.get(key)],
+        "where": shown,
         "parameters": f.get("parameters") or {},
         "equivalent": [(term, _title(term, terms)) for term in f.get("equivalent") or []],
         "shape": _shape(f.get("shape")),

@@ -23,6 +23,7 @@ from orchestrator.errors import UserError, among
 from orchestrator.system.model import System
 from orchestrator.system.read import load_system
 
+TRIED = 8  # candidates that a report lists
 Progress = Callable[[str], None]  # what is being done, in words
 
 
@@ -69,6 +70,7 @@ def diagnose_campaign(
         nominal=nominal,
         bounds={name: t.bounds(nominal[name]) for name, t in campaign.tolerances.items() if name in nominal},
         terms=texts,
+        tried=[(c.term, c.gain) for c in (diagnosis.ranking[0] if diagnosis.ranking else [])][:TRIED],
         provenance=provenance(campaign, systems, baseline),
     )
     write_report(out / "report.html", data)

@@ -129,7 +129,7 @@ def with_correction(system: System, correction: Correction, folder: Path) -> Sys
     for k, signal in enumerate(correction.signals, 1):
         source, variable = split(system, signal, "correction")
         ports[f"u{k}"] = PortText(source.unit, variable, signal)
-        wires.append(Connection(source.name, variable, correction.name, f"u{k}"))
+        wires += _wire(system, source, variable, correction.name, f"u{k}")
     path = folder / f"{correction.name}.fmu"
     export_unit(general, dict(correction.parameters), path, ports=ports)
     kept = []
@@ -143,6 +143,17 @@ def with_correction(system: System, correction: Correction, folder: Path) -> Sys
     order = list(system.components)
     order.insert(order.index(component) + 1, Component(correction.name, path.name, load_unit(path)))
     return replace(system, components=tuple(order), connections=(*kept, *wires))
+
+
+def _wire(system: System, component: Component, variable: str, sink_component: str, sink: str) -> list[Connection]:
+    """From an output of the component; from what feeds it, if it is an input; none, if nothing does: it stays at 0."""
+    if component.unit.variables[variable].causality == "output":
+        return [Connection(component.name, variable, sink_component, sink)]
+    return [
+        replace(wire, sink_component=sink_component, sink=sink)
+        for wire in system.connections
+        if (wire.sink_component, wire.sink) == (component.name, variable)
+    ]
 
 
 def write_repair(

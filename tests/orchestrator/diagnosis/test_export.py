@@ -158,6 +158,21 @@ def test_a_correction_on_an_additive_port_acts_as_the_term_would(tmp_path: Path)
         assert np.max(np.abs(corrected[name] - by_term[name])) < 0.02 * effect
 
 
+def test_a_correction_may_depend_on_what_its_component_is_fed_with(tmp_path: Path) -> None:
+    """The gearhead's w is the motor's; without a sensor its tau_s is nobody's and stays zero."""
+    parameters, signals = formula_parameters([(-1e-5, "planetary_gear.w"), (1.0, "planetary_gear.tau_s")])
+    correction = Correction("gear_correction", "planetary_gear.tau_add", tuple(signals), parameters)
+    for name in ("joint_logged", "joint_no_load_logged"):
+        repaired = repaired_system(load_system(name), {}, tmp_path / name, corrections=(correction,))
+        wires = {
+            (w.source_component, w.source, w.sink)
+            for w in repaired.connections
+            if w.sink_component == "gear_correction"
+        }
+        fed = {("torque_sensor", "tau_s", "u2")} if name == "joint_logged" else set()
+        assert wires == {("motor_bldc", "w", "u1")} | fed
+
+
 def test_a_correction_of_a_wired_port_passes_what_was_wired(tmp_path: Path) -> None:
     """Of a foreign unit there is no additive port: the correction sits in the wire."""
     system = load_system("joint_logged")

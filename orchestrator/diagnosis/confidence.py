@@ -11,7 +11,8 @@ INTERCEPT, CLEAN, CROWDED = 3.0, 2.0, 1.0
 def confidence(gain: float, left: float, findings: int, _equivalent: bool = False) -> float:
     """0..1.
 
-    gain: chi-square the finding takes away; left: structure above noise that stays unexplained; findings: of this diagnosis.
+    gain: chi-square the finding takes away; left: structure above noise that stays unexplained; findings: of this
+    diagnosis.
     """
     share = left / max(gain, 1e-9)  # a finding that explains less than what stays unexplained is a patch
     score = INTERCEPT - CLEAN * math.log10(1 + 10 * share) - CROWDED * max(findings - 2, 0)

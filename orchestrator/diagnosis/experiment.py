@@ -31,7 +31,8 @@ def _apart(problem: Problem, finding: Finding) -> str | None:
         channels = ", ".join(dict.fromkeys(b.channel for b in problem.blocks))
         said.append(
             f"{finding.term} or {' or '.join(others)}: repeat the stretch where the evidence lies "
-            f"({finding.where.get('recording', 'all recordings')}, {finding.where.get('regime', '')}) at another load and at another speed, "
+            f"({finding.where.get('recording', 'all recordings')}, {finding.where.get('regime', '')}) "
+            "at another load and at another speed, "
             f"in both directions, logging {channels}; their sensitivities then differ."
         )
     return " ".join(said)

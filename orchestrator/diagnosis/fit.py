@@ -161,7 +161,7 @@ class Fit:
         """Of x, for unit noise: (len(x), len(x))"""
         weight = np.full(len(self.x), 1e-9)
         weight[: len(self.hypothesis.free)] = PRIOR
-        return np.linalg.pinv(self.jacobian.T @ self.jacobian + np.diag(weight))
+        return np.asarray(np.linalg.pinv(self.jacobian.T @ self.jacobian + np.diag(weight)), dtype=np.float64)
 
     def settled(self) -> Hypothesis:
         """The same hypothesis, its terms starting at what was found."""
@@ -200,7 +200,7 @@ class Fit:
 
 
 def bounded_step(gram: Vector, gradient: Vector, lower: Vector, upper: Vector) -> tuple[Vector, float]:
-    """min |r - J s|^2 over lower <= s <= upper, from gram = J'J and gradient = J'r. Returns s and the decrease of |r|^2."""
+    """min |r - J s|^2 over lower <= s <= upper, from gram = J'J and gradient = J'r. Gives s, what |r|^2 falls by."""
     scale = np.sqrt(np.maximum(np.diag(gram), 1e-30))
     values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
     root = np.sqrt(np.maximum(values, 1e-12))
@@ -217,7 +217,7 @@ def bounded_step(gram: Vector, gradient: Vector, lower: Vector, upper: Vector) -
 def difference(
     problem: Problem, hypothesis: Hypothesis, x: Vector, base: Simulated, only: Sequence[int] | None = None
 ) -> Vector | None:
-    """d(simulated)/dx by one-sided differences, inside the bounds: (rows, len(x) or len(only)); None where a run failed."""
+    """d(simulated)/dx by one-sided differences, inside bounds: (rows, len(x) or len(only)); None: a run failed."""
     runs, steps = [], []
     coordinates = hypothesis.coordinates
     for k in range(len(coordinates)) if only is None else only:
@@ -242,9 +242,10 @@ def fit(
     most: int = 30,
     fresh_most: int = 100,
 ) -> Fit | None:
-    """Levenberg-Marquardt inside bounds; Broyden's update where the last step came as promised, fresh differences where not.
+    """Levenberg-Marquardt inside bounds; Broyden's update where a step came as promised, fresh differences where not.
 
-    x, jacobian: where to start, and an approximate Jacobian there (rows, len(x)). settled: chi-square below which a further step is not worth
+    x, jacobian: where to start, and an approximate Jacobian there (rows, len(x)). settled: chi-square below which a
+    further step is not worth
     its run; roughly: the same as a share of what is above noise. fresh_most: Jacobians
     by differences at most. None: the start cannot be simulated.
     """
@@ -260,7 +261,7 @@ def fit(
     fresh = jacobian is None
     J = difference(problem, hypothesis, at, base) if jacobian is None else jacobian
     damping = DAMPING * max(cost - problem.samples, 0.0)
-    for step_number in range(1, most + 1):
+    for step_number in range(1, most + 1):  # noqa: B007 - the last one is told below
         if J is None:
             return None
         gram, gradient = J.T @ J + np.diag(prior), J.T @ residual - prior * at

@@ -14,7 +14,7 @@ NAMES = ("near zero", "low", "middle", "high")
 
 
 def locate(problem: Problem, fit: Fit, active: Active) -> tuple[dict[str, Any], str]:
-    """(diagnosis.json's `where`, a sentence): what the residual loses when the term is on, by recording, channel, time and regime."""
+    """(diagnosis.json's `where`, a sentence): what the residual loses to it, by recording, channel, time, regime."""
     off = {**fit.run.values, active.term.amplitude: active.term.neutral}
     without = problem.simulate([Run(off, fit.run.onsets, fit.run.added)], None)[0]
     if without is None:

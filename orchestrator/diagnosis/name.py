@@ -1,4 +1,4 @@
-"""Naming: terms added one by one, each fitted with everything else free, while the evidence demands it; then what cannot be told apart."""
+"""Naming: terms one by one, everything else free, while the evidence demands it; then what cannot be told apart."""
 
 from __future__ import annotations
 
@@ -53,7 +53,8 @@ class Namer:
 
     def name(self, calibrated: Fit) -> Naming:
         """From the base model up."""
-        best, named, ranking, columns, history = calibrated, [], [], [], [calibrated]
+        ranking: list[list[Candidate]] = []
+        best, named, columns, history = calibrated, [], [], [calibrated]
         while len(best.hypothesis.active) < MOST_TERMS and self.unexplained(best):
             self.progress(f"scan {len(ranking) + 1}: every term that the units know")
             columns = self.scan.columns(best, skip=[a.term.name for a in best.hypothesis.active])
@@ -154,7 +155,7 @@ def fit_on(problem: Problem, found: Fit, *, settled: float, roughly: float = 0.0
 def fit_added(
     problem: Problem, best: Fit, active: Active, *, most: int, fresh: int, settled: float, roughly: float
 ) -> Fit | None:
-    """The hypothesis of `best` with one more term; its Jacobian is that of `best` and the new term's own, so that few runs are needed."""
+    """`best` with one more term; its Jacobian is that of `best` and the new term's own, so that few runs are needed."""
     hypothesis = replace(best.settled(), active=(*best.settled().active, active))
     x = base_start(hypothesis, best)
     own = list(range(len(best.x), len(hypothesis.coordinates)))

@@ -1,4 +1,4 @@
-"""The score test: what every switched-off term would take away from the residual, re-fittable parameters projected out."""
+"""The score test: what every switched-off term would take from the residual, re-fittable parameters projected out."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orchestrator.diagnosis.fit import PRIOR, Active, Fit, bounded_step
 from orchestrator.diagnosis.plant import TermCandidate
@@ -38,7 +39,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Score:
-    """What one term would take away at its best scanned shape and onset, everything re-fittable re-fitted (linearly)."""
+    """What one term would take away at its best shape and onset, all that is re-fittable re-fitted (linearly)."""
 
     term: TermCandidate
     gain: float
@@ -156,7 +157,10 @@ class Scan:
 def order_power(
     problem: Problem, residual: Vector, angle: str, outputs: Sequence[Mapping[str, Vector]], orders: Sequence[float]
 ) -> Vector:
-    """sum over windows and channels of |projection on exp(j n phi)|^2 over its expectation, per order; a phase that shifts with speed does no harm"""
+    """sum over windows and channels of |projection on exp(j n phi)|^2 over its expectation, per order
+
+    A phase that shifts with speed does no harm.
+    """
     width, total = 512, np.zeros(len(orders))
     for block in problem.blocks:
         phi = outputs[block.recording].get(angle)
@@ -204,9 +208,19 @@ def scores(problem: Problem, fit: Fit, columns: Sequence[Column]) -> list[Score]
 
 
 def _gain(
-    whole: Vector, active: Vector, own: Vector, base: int, prior: Vector, x: Vector, held: Vector, nothing: float
+    whole: Vector,
+    active: Vector,
+    own: NDArray[np.intp],
+    base: int,
+    prior: Vector,
+    x: Vector,
+    held: NDArray[np.bool_],
+    nothing: float,
 ) -> tuple[float, Vector]:
-    """Decrease of the cost beyond what a re-fit alone brings, and the amplitudes. active: Gram matrix over the time the term acts."""
+    """Decrease of the cost beyond what a re-fit alone brings, and the amplitudes.
+
+    active: Gram matrix over the time the term acts.
+    """
     free = np.concatenate([1 + np.flatnonzero(~held), own])
     gram = whole[np.ix_(free, free)].copy()
     gradient = whole[free, 0].copy()
@@ -223,7 +237,7 @@ def _gain(
 
 
 def _windows(term: TermCandidate, grams: Vector, width: float) -> Iterator[tuple[tuple[float, float] | None, Vector]]:
-    """((from, to), Gram matrix over that time); None: always. A term that itself says from when to when is scanned as windows."""
+    """((from, to), Gram matrix over that time); None: always. A term with a from and a to is scanned as windows."""
     if _timed(term):
         for length in (1, 2, 4):
             for start in range(SEGMENTS - length + 1):

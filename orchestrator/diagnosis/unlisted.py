@@ -91,10 +91,10 @@ def _columns(problem: Problem, start: Fit, port: Port) -> list[Column]:
             for form, values in _features(port, outputs[number], _orders(problem, start, port, outputs)).items():
                 forms.setdefault(form, {})[recording.name] = values
     runs, sizes = [], []
-    for values in forms.values():
-        size = max(float(np.sqrt(np.mean(v**2))) for v in values.values()) or 1.0
+    for feature in forms.values():
+        size = max(float(np.sqrt(np.mean(v**2))) for v in feature.values()) or 1.0
         sizes.append(PROBE.get(port.unit, 1e-3) / size)
-        added = {name: {port.name: sizes[-1] * v} for name, v in values.items()}
+        added = {name: {port.name: sizes[-1] * v} for name, v in feature.items()}
         runs.append(Run(start.run.values, start.run.onsets, _merged(start.run.added, added), (port.component,)))
     found = problem.simulate(runs, start.simulated)
     return [
@@ -160,7 +160,7 @@ def _orders(problem: Problem, start: Fit, port: Port, outputs: Sequence[Signals]
 
 
 def _forward(problem: Problem, start: Fit, columns: Sequence[Column]) -> tuple[list[Column], Vector, float]:
-    """Features one by one, each the one that takes most, as long as it is worth it; base parameters re-fitted (linearly)."""
+    """Features one by one, each the one that takes most, while it is worth it; base parameters re-fitted (linearly)."""
     if not columns:
         return [], np.zeros(0), 0.0
     base = start.jacobian.shape[1]

@@ -13,9 +13,8 @@ import orchestrator
 from orchestrator.diagnosis.campaign import Campaign
 from orchestrator.diagnosis.compare import Comparison, channel_figures
 from orchestrator.diagnosis.conditioning import ChannelQuality, condition
-from orchestrator.diagnosis.correction import formula_parameters, table_parameters
-from orchestrator.diagnosis.diagnosis import Diagnosis, Finding
-from orchestrator.diagnosis.export import Correction, write_repair
+from orchestrator.diagnosis.diagnosis import Diagnosis
+from orchestrator.diagnosis.repair import repair
 from orchestrator.diagnosis.report import ReportData, TermText, verdict_sentence, write_report
 from orchestrator.diagnosis.store import Store, write_atomically
 from orchestrator.diagnosis.verify import DISCREPANCY, compare_systems, write_json
@@ -49,8 +48,7 @@ def diagnose_campaign(
     store = Store(out / ".work", basis(campaign, systems))
     diagnosis = engine(baseline)(campaign, progress=progress, store=store)
     say("repairing")
-    corrections = tuple(correction(k, finding) for k, finding in enumerate(diagnosis.findings, 1) if finding.shape)
-    write_repair(systems, diagnosis.parameters("repaired"), out, onsets=diagnosis.onsets, corrections=corrections)
+    repair(diagnosis.to_json(), systems, out)
     say("comparing")
     quality = condition(campaign)
     if discrepancy := getattr(diagnosis, "discrepancy", None):
@@ -100,22 +98,6 @@ def basis(campaign: Campaign, systems: Mapping[str, System]) -> dict[str, Any]:
         "recordings": [(r.name, r.setup, r.time, r.inputs, r.outputs, r.initial) for r in campaign.train],
         "tolerances": campaign.tolerances,
     }
-
-
-def correction(number: int, finding: Finding) -> Correction:
-    """The unit that adds an unlisted effect at its port: its formula where one holds up, else its table."""
-    form = finding.shape
-    assert form is not None
-    name = f"{finding.component}_correction" + (f"_{number}" if number > 1 else "")
-    if form.formula and form.features:
-        terms = [(feature.coefficient.value, feature.form) for feature in form.features]
-        parameters, signals = formula_parameters(terms, finding.onset)
-    elif form.table is not None:
-        parameters, signals = table_parameters(*form.table, onset=finding.onset), [form.signal]
-    else:
-        raise ValueError(f"{finding.term}: a shape without formula and without table")
-    own = tuple(signal if "." in signal else f"{finding.component}.{signal}" for signal in signals)
-    return Correction(name, form.port, own, parameters)
 
 
 def channels(compared: Sequence[Comparison], quality: Mapping[str, ChannelQuality]) -> dict[str, dict[str, Any]]:

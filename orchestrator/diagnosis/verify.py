@@ -16,6 +16,7 @@ from orchestrator.diagnosis.compare import Comparison, channel_figures, compare,
 from orchestrator.diagnosis.compare import Simulator as Simulate
 from orchestrator.diagnosis.conditioning import condition
 from orchestrator.diagnosis.recording import Recording
+from orchestrator.diagnosis.repair import repair
 from orchestrator.diagnosis.score import read_object
 from orchestrator.diagnosis.simulate import Simulator
 from orchestrator.diagnosis.store import plain, write_atomically
@@ -36,6 +37,8 @@ def verify(folder: Path, campaign: Campaign) -> dict[str, Any]:
     diagnosis = read_diagnosis(folder)
     if not campaign.holdout:
         raise UserError(f'{campaign.path}: no recording has role = "holdout", one at least is needed to verify')
+    if not (folder / "repaired.ssp").is_file():  # of a proof, only the description is kept
+        repair(diagnosis, {setup: load_system(path) for setup, path in campaign.setups.items()}, folder)
     calibrated = {name: estimate["value"] for name, estimate in diagnosis["calibrated"].items()}
     compared = compare_systems(campaign, campaign.holdout, folder, calibrated)
     quality = condition(campaign)
@@ -50,7 +53,7 @@ def verify(folder: Path, campaign: Campaign) -> dict[str, Any]:
 def read_diagnosis(folder: Path) -> dict[str, Any]:
     """diagnosis.json. UserError: there is none, or none that can be read."""
     diagnosis, why = read_object(folder / "diagnosis.json")
-    if diagnosis is None or not {"verdict", "calibrated", "channels"} <= set(diagnosis):
+    if diagnosis is None or not {"verdict", "findings", "calibrated", "repaired", "channels"} <= set(diagnosis):
         raise UserError(f"{folder / 'diagnosis.json'}: {why or 'not a diagnosis'}; run cobot-joint diagnose first")
     return diagnosis
 

@@ -145,6 +145,19 @@ def test_an_unlisted_effect_becomes_a_unit_on_the_port(
         assert w["repaired"] == pytest.approx(w["calibrated"], rel=1e-3)
 
 
+@pytest.mark.parametrize("diagnosis", [explained(), unlisted(True)], ids=["onset", "correction"])
+def test_the_repaired_system_is_rebuilt_from_the_answer_alone(
+    campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, diagnosis: Diagnosis
+) -> None:
+    monkeypatch.setattr(run, "engine", knows(diagnosis))
+    run.diagnose_campaign(load_campaign(campaign_file), tmp_path / "here")
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there/diagnosis.json").write_bytes((tmp_path / "here/diagnosis.json").read_bytes())
+    campaign = load_campaign(campaign_file, roles=("holdout",))
+    assert verify(tmp_path / "there", campaign) == verify(tmp_path / "here", campaign)
+    assert (tmp_path / "there/repaired.ssp").read_bytes() == (tmp_path / "here/repaired.ssp").read_bytes()
+
+
 def test_verify_writes_what_anyone_can_recompute(
     campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -32,7 +32,7 @@ NOISE = {"i_motor": 4e-3, "w_motor": 0.3, "tau_sensor": 5e-3}
 LOADED, NO_LOAD = ("i_motor", "w_motor", "tau_sensor"), ("i_motor", "w_motor")
 
 
-def record(folder: Path, name: str, setup: str, seed: int) -> None:
+def record(folder: Path, name: str, setup: str, seed: int, concealed: dict[str, float] = CONCEALED) -> None:
     """A short run of the bench with what is concealed, as a logger writes it."""
     rng = np.random.default_rng(seed)
     t = np.arange(2001) * 1e-3
@@ -41,7 +41,8 @@ def record(folder: Path, name: str, setup: str, seed: int) -> None:
         inputs["i_brake"] = np.interp(t, [0.9, 1.0], [0, 0.3])
     outputs = {n: np.zeros(len(t)) for n in (LOADED if setup == "loaded" else NO_LOAD)}
     system = load_system("joint_logged" if setup == "loaded" else "joint_no_load_logged")
-    with Simulator({setup: system}, CONCEALED, {"motor_bldc.cogging.A": ONSET}) as bench:
+    late = {name: ONSET for name in concealed if "cogging" in name}
+    with Simulator({setup: system}, concealed, late) as bench:
         signals = bench(Recording(name, "train", setup, t, inputs, outputs, UNITS))
     measured = {n: x + NOISE[n] * rng.standard_normal(len(t)) for n, x in signals.items()}
     units = UNITS | {"v_command": "V", "i_brake": "A"}
@@ -206,6 +207,40 @@ def test_a_set_is_scored_by_the_command_and_a_broken_seal_fails_it(tmp_path: Pat
     assert "0.207 to 1.000" in answer.output
     (tmp_path / "seals.json").write_text(json.dumps({"case01": "0" * 64}))
     assert CliRunner().invoke(app, ["prove", str(tmp_path)]).exit_code == 1
+
+
+@pytest.mark.long
+def test_a_sealed_set_is_diagnosed_verified_and_scored_by_one_command(tmp_path: Path) -> None:
+    """Two cases without load: one conceals cogging, one nothing; answers and held-out runs are published afterwards."""
+    from orchestrator.diagnosis.prove import prove
+    from orchestrator.diagnosis.score import seal
+
+    answers = {
+        "case01": {"effects": [{"name": "cogging", "accept": ["motor_bldc.cogging"], "onset_s": ONSET}], "salt": "a"},
+        "case02": {"effects": [], "salt": "b"},
+    }
+    for seed, case in enumerate(answers):
+        (tmp_path / case).mkdir()
+        concealed = CONCEALED if answers[case]["effects"] else {"motor_bldc.winding.R": R}
+        record(tmp_path / case, "noload", "no_load", seed, concealed)
+        entry = '[[recording]]\nfile = "noload.parquet"\nsetup = "no_load"\nrole = "train"\n'
+        (tmp_path / case / "campaign.toml").write_text(f'title = "{case}"\nsystem = "joint"\n{entry}')
+    (tmp_path / "seals.json").write_text(json.dumps({case: seal(answer) for case, answer in answers.items()}))
+    first = prove(tmp_path)
+    assert [r.status for r in first.results] == ["done", "done"], first.results
+    assert first.score is None
+    said = {case: (tmp_path / case / "diagnosis.json").read_bytes() for case in answers}
+    for case in answers:
+        concealed = CONCEALED if answers[case]["effects"] else {"motor_bldc.winding.R": R}
+        record(tmp_path / case, "holdout", "no_load", 7, concealed)
+    (tmp_path / "answers.json").write_text(json.dumps(answers))
+    second = prove(tmp_path)
+    assert second.broken_seals == {}
+    assert second.score
+    assert second.score["summary"]["right"]["k"] == 2, second.score
+    for case in answers:
+        assert (tmp_path / case / "diagnosis.json").read_bytes() == said[case]
+        assert (tmp_path / case / "verify.json").is_file()
 
 
 def test_a_baseline_that_does_not_exist_is_refused() -> None:

@@ -14,6 +14,9 @@ from orchestrator.diagnosis.problem import Problem, Run, Simulated, Vector
 
 STEP = 0.02  # of a difference quotient, in units of a tolerance or of an amplitude
 PRIOR = 1.0  # weight of (deviation/tolerance)^2: a healthy unit is rather inside than at the edge
+NEAR = (
+    0.02  # chi-square above noise per sample, below which a slow fit is done; above it, a fresh Jacobian has to say so
+)
 DAMPING = 0.03  # of the first step, over the chi-square above noise: a resonance far off is not reached in one stride
 
 
@@ -282,14 +285,16 @@ def fit(
             else:
                 break
             continue
-        moved = trial - at
+        moved, by_differences = trial - at, fresh
         J = J + np.outer(found.white - base.white - J @ moved, moved) / float(moved @ moved)
         at, base, residual, cost, fresh = trial, found, rest, new, False
-        if gained < max(settled, roughly * (cost - problem.samples)):
+        above = max(cost - problem.samples, 0.0)
+        slow = gained < max(settled, roughly * above)
+        if slow and (by_differences or fresh_most == 0 or above < NEAR * problem.samples):
             break
         kept = gained / promised
         damping *= 0.15 if kept > 0.7 else 0.5 if kept > 0.4 else 1.5
-        far = kept < 0.5 or gained > 0.3 * max(cost - problem.samples, settled)
+        far = slow or kept < 0.5 or gained > 0.3 * max(above, settled)
         if far and fresh_most > 0:
             J, fresh, fresh_most = difference(problem, hypothesis, at, base), True, fresh_most - 1
     if J is None:

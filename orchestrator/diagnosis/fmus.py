@@ -20,7 +20,7 @@ from orchestrator.system.model import Component, Connection, Connector, Inputs, 
 from orchestrator.units import Shape, Term, Unit
 
 ADDITIVE = "_add"  # how the name of an additive input ends
-SCHEME, STEP = "iterative", 5e-4  # coupling errors far below the noise of a logger, at reversals too; s
+SCHEME = "adaptive"  # coupling errors a hundredth of a logger's noise, at reversals too
 
 
 class FmuPlant:
@@ -74,7 +74,6 @@ class FmuPlant:
                     float(recording.time[-1]),
                     start_time=begin,
                     scheme=None if system.default_experiment.scheme else SCHEME,
-                    step=None if system.default_experiment.scheme else _step(recording.step),
                     output_step=recording.step,
                     parameters=start,
                     parameter_events=events,
@@ -96,11 +95,6 @@ class FmuPlant:
             yield simulation
         finally:
             self._idle[setup].put(simulation)
-
-
-def _step(output_step: float) -> float:
-    """The longest step up to STEP of which the output step is a multiple, s."""
-    return output_step / np.ceil(output_step / STEP - 1e-9)
 
 
 def _with_ports(system: System) -> System:

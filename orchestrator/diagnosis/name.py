@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -96,10 +97,10 @@ class Namer:
         tried = [s for s in ranked if s.gain > worth and s.term.name not in self.scan.twins][:leaders]
         fits: dict[str, Fit] = {}
         for score in tried:
-            found = fit_added(self.problem, best, score.active, most=8, fresh=2, settled=20.0, roughly=ROUGHLY)
+            found = self.with_best_onset(best, score.active)
             if found is None or found.cost >= best.cost:
                 continue
-            fits[score.term.name] = found = self.with_onset(found)
+            fits[score.term.name] = found
             if self.problem.excess(found.residual) < max(5 * self.problem.excess_scatter, 0.005 * above):
                 break  # nothing left: the next ones promise less
         if not fits:
@@ -108,6 +109,19 @@ class Namer:
         near = {n: f for n, f in fits.items() if f.cost - lowest < 0.3 * max(best.cost - lowest, 0.0)}
         polished = {n: fit_on(self.problem, f, settled=3.0, roughly=0.002) or f for n, f in near.items()}
         return dict(sorted(polished.items(), key=lambda item: item[1].cost))
+
+    def with_best_onset(self, best: Fit, active: Active) -> Fit | None:
+        """The term from the start, and, where the score test says so, from later on: the better fit of both."""
+        rough = partial(fit_added, self.problem, best, most=8, fresh=2, settled=20.0, roughly=ROUGHLY)
+        always = rough(replace(active, onset=None))
+        if active.onset is None or (
+            always is not None and self.problem.excess(always.residual) < 5 * self.problem.excess_scatter
+        ):
+            return always
+        later = rough(active)
+        if later is None or (always is not None and always.cost <= later.cost):
+            return always
+        return self.with_onset(later)
 
     def with_onset(self, found: Fit) -> Fit:
         """The last term's onset, if it has one: refined by halving, dropped where starting at once is as good."""

@@ -55,7 +55,8 @@ class Logged(_Model):
 
     unit: str
     causality: Literal["input", "output"]
-    noise: float | None = None  # white, 1 sigma
+    noise: float | None = None  # 1 sigma
+    colour: Annotated[float, Field(ge=0, lt=1)] | None = None  # correlation from sample to sample; None: as recorded
     step: float | None = None  # of the converter
     range: float | None = None  # +-
     setups: list[str] | None = None  # where it exists; None: in all
@@ -104,6 +105,9 @@ class CampaignFile(_Model):
     channels: dict[str, str] = Field(default_factory=dict)  # column -> connector
     tolerances: dict[str, Annotated[Tolerance, BeforeValidator(_tolerance)]] = Field(default_factory=dict)
     logged: dict[str, Logged] = Field(default_factory=dict)
+    terms: list[str] = Field(
+        default_factory=list
+    )  # `component.term` that are looked at, where not all of the units' are
     frequency_response: FrequencyExperiment | None = None
     alternative: list[Alternative] = Field(default_factory=list)  # of a frequency response
     recording: list[RecordingEntry] = Field(default_factory=list)
@@ -122,6 +126,7 @@ class Campaign:
     logged: dict[str, Logged]
     recordings: list[Recording]
     notes: list[str] = field(default_factory=list)
+    terms: list[str] = field(default_factory=list)  # to look at; empty: all
 
     @property
     def train(self) -> list[Recording]:
@@ -189,8 +194,9 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
         if names.count(recording.name) > 1 and recording.path:
             recording.name = recording.path.name
     return Campaign(
-        given.title, path, given.system, setups, channels, defaults.tolerances | given.tolerances, logged, recordings
-    )
+        given.title, path, given.system, setups, channels, defaults.tolerances | given.tolerances, logged, recordings,
+        terms=given.terms,
+    )  # fmt: skip
 
 
 def holdouts(path: Path) -> list[Path]:

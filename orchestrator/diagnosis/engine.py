@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +22,7 @@ from orchestrator.diagnosis.problem import Noise, Problem
 from orchestrator.diagnosis.scan import Scan
 from orchestrator.diagnosis.store import Store
 from orchestrator.diagnosis.unlisted import Unlisted, look_for_unlisted
+from orchestrator.errors import UserError, among
 from orchestrator.system.read import load_system
 
 Progress = Callable[[str], None]
@@ -64,7 +65,7 @@ def diagnose_plant(
     calibrated = store.remember("calibrated", (), lambda: fit(problem, base, settled=5.0, roughly=CALIBRATION))
     if calibrated is None:
         raise RuntimeError("the system cannot be simulated with its nominal parameters on these recordings")
-    naming = store.remember("naming", (), lambda: _name(problem, calibrated, say))
+    naming = store.remember("naming", tuple(campaign.terms), lambda: _name(problem, calibrated, say, campaign.terms))
     say("writing down what was found")
     found = _answer(problem, naming)
     found.seconds = time.monotonic() - begun
@@ -77,17 +78,21 @@ def noises(campaign: Campaign) -> dict[str, Noise]:
     for name, quality in condition(replace(campaign, recordings=campaign.train)).items():
         logged = campaign.logged.get(name)
         floor = float(np.hypot(logged.noise, (logged.step or 0.0) / np.sqrt(12))) if logged and logged.noise else 0.0
+        colour = logged.colour if logged and logged.colour is not None else max(quality.colour, 0.0)
         sigma = quality.noise if np.isfinite(quality.noise) and quality.noise > 0 else floor or 1.0
-        found[name] = Noise(
-            sigma if not floor or sigma > 0.9 * floor else floor, max(quality.colour, 0.0), quality.step
-        )
+        found[name] = Noise(sigma if not floor or sigma > 0.9 * floor else floor, colour, quality.step)
     return found
 
 
-def _name(problem: Problem, calibrated: Fit, say: Progress) -> Naming:
-    namer = Namer(problem, Scan(problem, problem.plant.terms), say)
+def _name(problem: Problem, calibrated: Fit, say: Progress, only: Sequence[str]) -> Naming:
+    """`only`: the terms to look at, and nothing beyond them; empty: all, and what no list names."""
+    terms = [term for term in problem.plant.terms if not only or term.name in only]
+    if unknown := set(only) - {term.name for term in terms}:
+        known = among(term.name for term in problem.plant.terms)
+        raise UserError(f"terms: {unknown.pop()!r} is given, the system has {known}")
+    namer = Namer(problem, Scan(problem, terms), say)
     listed = namer.name(calibrated)
-    unlisted = look_for_unlisted(problem, calibrated, listed, namer, say)
+    unlisted = None if only else look_for_unlisted(problem, calibrated, listed, namer, say)
     best, named = (unlisted.fit, unlisted.named) if unlisted else (listed.fit, listed.named)
     if not unlisted:
         best, named = prune(problem, calibrated, listed)

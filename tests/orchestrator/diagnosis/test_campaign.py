@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from orchestrator.diagnosis.campaign import load_campaign, system_connectors
+from orchestrator.diagnosis.engine import noises
 from orchestrator.errors import UserError
 
 
@@ -54,7 +55,7 @@ def test_connectors_are_those_of_the_system_and_of_its_components(axis: Path) ->
     [
         (
             ("[[recording]]", "[[recordings]]"),
-            "recordings: no such key, allowed are title, system, setups, channels, tolerances, logged, "
+            "recordings: no such key, allowed are title, system, setups, channels, tolerances, logged, terms, "
             "frequency_response, alternative, recording",
         ),
         (('file = "run.csv"', 'file = "gone.csv"'), "gone.csv: there is no such file"),
@@ -96,3 +97,9 @@ def test_an_open_campaign_reads_without_a_word(shared: Path) -> None:
     assert not any(r.notes for r in campaign.recordings)
     assert set(campaign.train[0].inputs) == {"v_command"}
     assert set(campaign.train[0].outputs) == {"i_motor", "w_motor"}
+
+
+def test_what_the_campaign_says_of_noise_replaces_the_estimate(tmp_path: Path, axis: Path) -> None:
+    logged = '[logged."axis.s"]\nunit = "m"\ncausality = "output"\nnoise = 0.5\ncolour = 0.25\n'
+    noise = noises(load_campaign(write(tmp_path, AXIS + logged)))["axis.s"]
+    assert (noise.sigma, noise.colour) == (0.5, 0.25)

@@ -199,6 +199,8 @@ def _findings(findings: list[dict[str, Any]]) -> Table:
         grid.add_column(name)
     for f in findings:
         values = [f"{name} = {p['value']:.4g} {p['unit']}" for name, p in f["parameters"].items()]
+        if f.get("shape"):
+            values.append(f"{f['shape']['port']} = {f['shape']['formula'] or 'a table'}")
         onset = "start" if f["onset"] is None else f"{f['onset']:.2f} s"
         equivalent = ", ".join(f["equivalent"]) or "-"
         grid.add_row(f["term"], f"{100 * f['confidence']:.0f} %", onset, "\n".join(values), equivalent)

@@ -165,7 +165,7 @@ def _shape(shape: Mapping[str, Any] | None) -> str | None:
         return None
     form = f"{shape['port']} = {shape['formula']}" if shape.get("formula") else f"a table at {shape['port']}"
     on = f", of {', '.join(shape['signals'])}" if shape.get("signals") else ""
-    return f"{form}{on}; takes away {percent(shape.get('explains'))} of the structure"
+    return f"{form}{on}; takes away {percent(min(shape.get('explains') or 0.0, 1.0))} of the structure"
 
 
 def _channels(d: Mapping[str, Any], units: Mapping[str, str]) -> list[dict[str, Any]]:

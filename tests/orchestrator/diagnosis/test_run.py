@@ -6,6 +6,9 @@ The engine is replaced by one that knows what a made-up bench conceals, so that 
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -241,6 +244,32 @@ def test_a_sealed_set_is_diagnosed_verified_and_scored_by_one_command(tmp_path: 
     for case in answers:
         assert (tmp_path / case / "diagnosis.json").read_bytes() == said[case]
         assert (tmp_path / case / "verify.json").is_file()
+
+
+@pytest.mark.long
+def test_a_diagnosis_that_is_killed_goes_on_and_says_the_same(tmp_path: Path) -> None:
+    record(tmp_path, "noload", "no_load", 0)
+    entry = '[[recording]]\nfile = "noload.parquet"\nsetup = "no_load"\nrole = "train"\n'
+    (tmp_path / "campaign.toml").write_text(f'title = "killed"\nsystem = "joint"\n{entry}')
+
+    def start(out: str) -> subprocess.Popen:
+        call = [sys.executable, "-m", "orchestrator.cli", "diagnose", str(tmp_path), "--out", str(tmp_path / out)]
+        return subprocess.Popen(call, cwd=Path(run.__file__).parents[2], stdout=subprocess.DEVNULL)
+
+    killed, work = start("killed"), tmp_path / "killed/.work"
+    while killed.poll() is None and not list(work.glob("*.joblib")):
+        time.sleep(0.05)
+    killed.kill()
+    killed.wait()
+    assert not (tmp_path / "killed/diagnosis.json").exists()
+    finished = {file.name: file.stat().st_mtime_ns for file in work.glob("*.joblib")}
+    assert start("killed").wait() == 0
+    assert start("whole").wait() == 0
+    assert {file.name: file.stat().st_mtime_ns for file in work.glob("*.joblib")}.items() >= finished.items()
+    answers = [json.loads((tmp_path / out / "diagnosis.json").read_text()) for out in ("killed", "whole")]
+    for answer in answers:
+        del answer["seconds"]
+    assert answers[0] == answers[1]
 
 
 def test_a_baseline_that_does_not_exist_is_refused() -> None:

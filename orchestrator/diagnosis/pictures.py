@@ -75,7 +75,8 @@ def before_and_after(d: Mapping[str, Any]) -> Picture:
                 row=1,
                 col=column,
             )
-        figure.add_hline(y=1, line_dash="dot", line_color="#333333", row=1, col=column)
+        line = {"dash": "dot", "color": "#333333"}
+        figure.add_scatter(x=names, y=[1.0] * len(names), mode="lines", line=line, showlegend=False, row=1, col=column)
     figure.update_yaxes(type="log", range=_decades(d), dtick=1)
     figure.update_yaxes(title_text="error / noise (rms)", row=1, col=1)
     figure.update_layout(barmode="group", height=330)

@@ -82,12 +82,9 @@ def verdict_sentence(d: Mapping[str, Any], terms: Mapping[str, TermText]) -> str
     if not findings:
         return "The recordings differ from the system by more than noise and tolerances, and no explanation stands out."
     named = [f for f in findings if not f["term"].endswith(".unlisted")]
-    parts = [
-        f"{_title(f['term'], terms)} in the {_words(f['component'])} ({percent(f.get('confidence'))} sure)"
-        for f in named
-    ]
+    parts = [f"{_title(f['term'], terms)} in {f['component']} ({percent(f.get('confidence'))} sure)" for f in named]
     others = [
-        f"something that no listed term explains, at the {_words(f['component'])} ({percent(f.get('confidence'))} sure)"
+        f"something that no listed term explains, at {f['component']} ({percent(f.get('confidence'))} sure)"
         for f in findings
         if f not in named
     ]
@@ -146,8 +143,8 @@ def _finding(f: Mapping[str, Any], terms: Mapping[str, TermText]) -> dict[str, A
     shown = [f["words"]] if f.get("words") else [str(where[k]) for k in ("recording", "regime") if where.get(k)]
     return {
         "term": f["term"],
-        "title": "no listed term: " + _words(f["component"]) if f["term"].endswith(".unlisted") else text.title,
-        "component": _words(f["component"]),
+        "title": "something that no listed term explains" if f["term"].endswith(".unlisted") else text.title,
+        "component": f["component"],
         "equation": text.equation,
         "source": text.source,
         "confidence": f.get("confidence"),

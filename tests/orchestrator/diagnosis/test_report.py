@@ -77,9 +77,9 @@ def words(text: str) -> str:
         (
             "explained",
             [FINDING],
-            "The system leaves out Stribeck friction in the planetary gear (97 % sure); modelling it removes 100 % of",
+            "The system leaves out Stribeck friction in planetary_gear (97 % sure); modelling it removes 100 % of",
         ),
-        ("unlisted", [UNLISTED], "leaves out something that no listed term explains, at the mr brake belt (97 % sure)"),
+        ("unlisted", [UNLISTED], "leaves out something that no listed term explains, at mr_brake_belt (97 % sure)"),
         ("undecided", [], "no explanation stands out"),
     ],
 )

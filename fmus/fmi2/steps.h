@@ -1,0 +1,171 @@
+/* Communication steps: polynomial inputs, fmi2DoStep, derivatives of outputs, status. */
+#ifndef COBOT_JOINT_STEPS_H
+#define COBOT_JOINT_STEPS_H
+
+#include "fmi2/instance.h"
+
+fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueReference vr[], size_t n,
+                                       const fmi2Integer order[], const fmi2Real value[]) {
+  NEEDS(INSTANTIATED | INITIALIZATION | STEPPING);
+  CHECK_LIST(0, N_PUBLIC, "real");
+  if (n > 0) NEEDS_POINTER(order);
+  for (size_t i = 0; i < n; i++) {
+    const RealInfo *r = &REAL_INFO[vr[i]];
+    if (r->kind != IS_INPUT) FAIL(c, "fmi2SetRealInputDerivatives: %s is no input", r->name);
+    if (order[i] < 1 || order[i] > INPUT_ORDER)
+      FAIL(c, "fmi2SetRealInputDerivatives: order %d of %s; allowed are 1 to %d", order[i], r->name, INPUT_ORDER);
+    if (!isfinite(value[i]))
+      FAIL(c, "fmi2SetRealInputDerivatives: derivative %d of %s is %g", order[i], r->name, value[i]);
+  }
+  Unit *m = &c->unit;
+  for (size_t i = 0; i < n; i++) {
+    const int j = (int)vr[i] - FIRST_INPUT;
+    if (m->u[j].order == 0 || !m->u[j].fresh) { /* the first derivative of a step wakes the others at zero */
+      for (int k = 1; k <= INPUT_ORDER; k++) m->u[j].c[k] = 0;
+      m->u[j].t0 = m->time;
+      m->u[j].c[0] = m->real[vr[i]];
+      m->u[j].order = 0;
+      m->u[j].fresh = 1;
+    }
+    m->u[j].c[order[i]] = value[i];
+    if (value[i] != 0 && m->u[j].order < order[i]) m->u[j].order = order[i];
+  }
+  return fmi2OK;
+}
+
+/* dy/dt = dg/dx dx/dt + dg/du du/dt + dg/dt, by a central difference along that direction */
+fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2ValueReference vr[], size_t n,
+                                        const fmi2Integer order[], fmi2Real value[]) {
+  NEEDS(STEPPING | TERMINATED);
+  CHECK_LIST(0, N_PUBLIC, "real");
+  if (n > 0) NEEDS_POINTER(order);
+  Unit *m = &c->unit;
+  refresh(m);
+  bool all_states = true;
+  for (size_t i = 0; i < n; i++) {
+    if (order[i] != 1)
+      FAIL(c, "fmi2GetRealOutputDerivatives: order %d of %s; allowed is 1", order[i], REAL_INFO[vr[i]].name);
+    if (REAL_INFO[vr[i]].kind > IS_OUTPUT || REAL_INFO[vr[i]].kind == IS_INPUT)
+      FAIL(c, "fmi2GetRealOutputDerivatives: %s is no output", REAL_INFO[vr[i]].name);
+    all_states &= (int)vr[i] < N_X;
+  }
+  if (all_states) {
+    for (size_t i = 0; i < n; i++) value[i] = m->real[FIRST_DER + vr[i]];
+    return fmi2OK;
+  }
+  const double dt = 1e-6;
+  Unit near = *m;
+  for (int side = -1; side <= 1; side += 2) {
+    for (int i = 0; i < N_X; i++) near.real[i] = m->real[i] + side * dt * m->real[FIRST_DER + i];
+    evaluate(&near, m->time + side * dt);
+    for (size_t i = 0; i < n; i++) {
+      if ((int)vr[i] < N_X)
+        value[i] = m->real[FIRST_DER + vr[i]];
+      else
+        value[i] = side < 0 ? near.real[vr[i]] : (near.real[vr[i]] - value[i]) / (2 * dt);
+    }
+  }
+  return fmi2OK;
+}
+
+/* states, integrals, inputs and outputs are numbers */
+static bool all_finite(const Unit *m) {
+  bool lost = false;
+  for (int i = 0; i < N_X + N_INPUT + N_OUTPUT; i++) lost |= !(fabs(m->real[i]) <= DBL_MAX);
+  return !lost;
+}
+
+fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boolean no_rollback) {
+  NEEDS(STEPPING);
+  (void)no_rollback;
+  Unit *m = &c->unit;
+  const double slack = 1e-9 * fmax(1, fabs(t));
+  if (!(h > 0) || !isfinite(h)) FAIL(c, "fmi2DoStep: communicationStepSize %g; it has to be positive", h);
+  if (!(fabs(t - m->time) <= slack))
+    FAIL(c, "fmi2DoStep: currentCommunicationPoint %.12g, but the unit is at %.12g", t, m->time);
+  if (t + h > c->stop_time + slack)
+    FAIL(c, "fmi2DoStep: the step ends at %g, behind the stop time %g", t + h, c->stop_time);
+  if (apply_late(&c->late, m)) m->restart = 1;
+  refresh(m);
+  for (int j = 0; j < N_INPUT; j++) { /* an input that nobody set stays where it got to */
+    if (!m->u[j].fresh) {
+      m->u[j].c[0] = m->real[FIRST_INPUT + j];
+      m->u[j].t0 = m->time;
+      m->u[j].order = 0;
+    }
+    m->u[j].fresh = 0;
+  }
+  const char *trouble = integrate(m, t + h);
+  if (!trouble && !all_finite(m)) trouble = "a variable left the range of numbers";
+  if (trouble) {
+    c->phase = FAILED;
+    FAIL(c, "fmi2DoStep: from %g s by %g s: %s", t, h, trouble);
+  }
+#if defined UNIT_SAMPLED
+  unit_sample(m);
+#endif
+  return fmi2OK;
+}
+
+fmi2Status fmi2CancelStep(fmi2Component component) {
+  NEEDS(ANY);
+  FAIL(c, "fmi2CancelStep: steps are finished when fmi2DoStep returns");
+}
+
+#define STATUS(type)                                                                                                   \
+  fmi2Status fmi2Get##type##Status(fmi2Component component, const fmi2StatusKind kind, fmi2##type *value) {            \
+    NEEDS(ANY);                                                                                                        \
+    (void)value;                                                                                                       \
+    FAIL(c, "fmi2Get" #type "Status: no status %d; steps are finished when fmi2DoStep returns", (int)kind);            \
+  }
+fmi2Status fmi2GetStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Status *value) {
+  NEEDS(ANY);
+  (void)value;
+  FAIL(c, "fmi2GetStatus: no status %d; steps are finished when fmi2DoStep returns", (int)kind);
+}
+STATUS(Integer)
+STATUS(Boolean)
+STATUS(String)
+fmi2Status fmi2GetRealStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Real *value) {
+  NEEDS(STEPPING | TERMINATED | FAILED);
+  NEEDS_POINTER(value);
+  if (kind != fmi2LastSuccessfulTime)
+    FAIL(c, "fmi2GetRealStatus: status %d; there is fmi2LastSuccessfulTime", (int)kind);
+  *value = c->unit.time;
+  return fmi2OK;
+}
+
+/* feed-through: d unknown / d known . dv, states held, by a central difference */
+fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2ValueReference unknown[], size_t n_unknown,
+                                        const fmi2ValueReference known[], size_t n_known, const fmi2Real dv[],
+                                        fmi2Real dz[]) {
+  NEEDS(INITIALIZATION | STEPPING | TERMINATED);
+  if (n_unknown > 0) NEEDS_POINTER(unknown);
+  if (n_unknown > 0) NEEDS_POINTER(dz);
+  if (n_known > 0) NEEDS_POINTER(known);
+  if (n_known > 0) NEEDS_POINTER(dv);
+  refresh(&c->unit);
+  for (size_t i = 0; i < n_unknown; i++)
+    if (unknown[i] >= N_PUBLIC || REAL_INFO[unknown[i]].kind > IS_OUTPUT || REAL_INFO[unknown[i]].kind == IS_INPUT)
+      FAIL(c, "fmi2GetDirectionalDerivative: unknown %u is no real output", unknown[i]);
+  double length = 0;
+  for (size_t j = 0; j < n_known; j++) {
+    if (known[j] >= N_PUBLIC || REAL_INFO[known[j]].kind != IS_INPUT)
+      FAIL(c, "fmi2GetDirectionalDerivative: known %u is no real input", known[j]);
+    if (!isfinite(dv[j])) FAIL(c, "fmi2GetDirectionalDerivative: dv[%d] is not finite", (int)j);
+    length = fmax(length, fabs(dv[j]) / REAL_INFO[known[j]].nominal);
+  }
+  const double eps = length > 0 ? 1e-6 / length : 0;
+  Unit near = c->unit;
+  for (int j = 0; j < N_INPUT; j++) near.u[j].order = 0;
+  for (int side = -1; side <= 1; side += 2) {
+    for (size_t j = 0; j < n_known; j++) near.real[known[j]] = c->unit.real[known[j]];
+    for (size_t j = 0; j < n_known; j++) near.real[known[j]] += side * eps * dv[j];
+    unit_equations(&near);
+    for (size_t i = 0; i < n_unknown; i++)
+      dz[i] = eps == 0 ? 0 : side < 0 ? near.real[unknown[i]] : (near.real[unknown[i]] - dz[i]) / (2 * eps);
+  }
+  return fmi2OK;
+}
+
+#endif

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from orchestrator.diagnosis.campaign import Campaign
 from orchestrator.diagnosis.compare import Simulator as Simulate
-from orchestrator.diagnosis.conditioning import condition
 from orchestrator.diagnosis.diagnosis import Diagnosis, Estimate
+from orchestrator.diagnosis.engine import CALIBRATION, noises
 from orchestrator.diagnosis.fit import Hypothesis, fit, tolerances
 from orchestrator.diagnosis.fmus import FmuPlant
 from orchestrator.diagnosis.plant import SimulationError
-from orchestrator.diagnosis.problem import Noise, Problem
+from orchestrator.diagnosis.problem import Problem
 from orchestrator.diagnosis.recording import Recording
 from orchestrator.diagnosis.simulate import Simulator
 from orchestrator.diagnosis.store import Store
@@ -95,11 +95,10 @@ def calibrate(campaign: Campaign, progress: Any, store: Store | None) -> tuple[d
 
 
 def _calibrate(campaign: Campaign) -> tuple[dict[str, Estimate], bool]:
-    noise = {name: Noise(q.noise, float(np.clip(q.colour, 0, 0.95))) for name, q in condition(campaign).items()}
     with FmuPlant({setup: load_system(path) for setup, path in campaign.setups.items()}) as plant:
-        problem = Problem(plant, campaign.train, noise)
+        problem = Problem(plant, campaign.train, noises(campaign))
         bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
-        found = fit(problem, Hypothesis(tolerances(problem, bounds)))
+        found = fit(problem, Hypothesis(tolerances(problem, bounds)), settled=5.0, roughly=CALIBRATION)
         if found is None:
             raise SimulationError(f"{campaign.title}: the system as specified does not run through these recordings")
         units = {name: parameter.unit for name, parameter in plant.parameters.items()}

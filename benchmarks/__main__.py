@@ -39,6 +39,11 @@ def _cost(arguments: argparse.Namespace) -> list[Row]:
     return rows
 
 
+def _measured(path: Path) -> list[Row]:
+    """The rows of an earlier run; none where that group was not run."""
+    return [Row(**row) for row in json.loads(path.read_text())["rows"]] if path.exists() else []
+
+
 def _machine() -> dict[str, object]:
     model = platform.processor()
     if Path("/proc/cpuinfo").exists():
@@ -72,6 +77,7 @@ def main() -> int:
     parser.add_argument("groups", nargs="*", metavar="GROUP", help=f"of {', '.join(GROUPS)}; all without one")
     parser.add_argument("--out", type=Path, default=Path("build/benchmarks"), help="folder for JSON and picture")
     parser.add_argument("--peers", default=sys.executable, help="interpreter of the environment that has the peers")
+    parser.add_argument("--show", action="store_true", help="print what was last measured, measure nothing")
     arguments = parser.parse_args()
     if unknown := [group for group in arguments.groups if group not in GROUPS]:
         parser.error(f"group {unknown[0]!r}: allowed are {', '.join(GROUPS)}")
@@ -80,6 +86,9 @@ def main() -> int:
     console = Console()
     rows: list[Row] = []
     for group in arguments.groups or GROUPS:
+        if arguments.show:
+            rows += _measured(arguments.out / f"{group}.json")
+            continue
         with console.status(f"measuring {group}"):
             measured = GROUPS[group](arguments)
         rows += measured

@@ -15,7 +15,7 @@ from orchestrator.cosim import SCHEMES, Simulation, SimulationError
 STEPS = [1e-3, 5e-4, 2e-4, 1e-4]  # s
 ROUNDS = 3
 LOOP_STEPS = [200e-6, 100e-6, 50e-6, 20e-6]
-TITLE = "error against cost: our error / theirs in no more time, worst point of every peer"
+TITLE = "error against cost: our error / theirs in no more time, worst point"
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ def own_cost(python: str) -> list[Row]:
             contestants |= {name: _timed(peer, wiring, {}) for name, peer in there.items()}
             times = alternate(contestants, ROUNDS)
     costs = {name: median(t) / RING_STEPS / RING * 1e6 for name, t in times.items()}
-    note = ", ".join(f"{name} {cost:.2g}" for name, cost in costs.items() if name != "ours")
+    note = "peers: " + ", ".join(f"{name} {cost:.2g}" for name, cost in costs.items() if name != "ours")
     note += "".join(f"; {name} absent: {why}" for name, why in absent.items())
     return [at_most(title, costs["ours"], OWN_COST, "us", note, us=costs, seconds=summary(times))]
 

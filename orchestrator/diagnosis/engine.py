@@ -92,7 +92,7 @@ def _name(problem: Problem, calibrated: Fit, say: Progress, only: Sequence[str])
         raise UserError(f"terms: {unknown.pop()!r} is given, the system has {known}")
     namer = Namer(problem, Scan(problem, terms), say)
     listed = namer.name(calibrated)
-    unlisted = None if only else look_for_unlisted(problem, calibrated, listed, namer, say)
+    unlisted = None if only else look_for_unlisted(problem, calibrated, listed, say)
     best, named = (unlisted.fit, unlisted.named) if unlisted else (listed.fit, listed.named)
     if not unlisted:
         best, named = prune(problem, calibrated, listed)

@@ -18,6 +18,8 @@ LEADERS = 4  # of a scan's ranking that are fitted with everything else free
 MOST_TERMS = 4
 ALIKE = 30.0  # chi-square by which a term's fit may be worse and still not be told apart
 ALIKE_SHARE = 0.05  # the same, as a share of what the best fit leaves
+SIZES = (0.3, 1.0, 3.0, 10.0)  # multiples of the score test's amplitude that a fit may start from
+NEEDLESS = 0.02  # of what an earlier term took, that it must still take beside a later one
 RIVAL = 0.3  # of the best promise, that another term's promise must have to be tried against it
 ROUGHLY = 0.01  # precision of fits that only compete, as a share of what is above noise
 
@@ -74,10 +76,25 @@ class Namer:
                 if n != winner and self.as_good(f, found[winner])
             }
             self.progress(f"{winner} takes {gain:.0f} of {best.chi2 - self.problem.samples:.0f} above noise")
-            best = found[winner]
-            history.append(best)
-            named.append(Named(winner, gain, alike))
+            best, named = self.without_patches(found[winner], [*named, Named(winner, gain, alike)])
+            history = [*history[: len(named)], best]
         return Naming(best, named, ranking, columns, history)
+
+    def without_patches(self, best: Fit, named: list[Named]) -> tuple[Fit, list[Named]]:
+        """Without earlier terms that the last one made needless: what stood in for it while it was off."""
+        for term in named[:-1]:
+            kept = tuple(a for a in best.settled().active if a.term.name != term.term)
+            less = replace(best.settled(), active=kept)
+            names = [c.names[0] for c in less.coordinates]
+            columns = [k for k, c in enumerate(best.hypothesis.coordinates) if c.names[0] in names]
+            found = fit(
+                self.problem, less, base_start(less, best), _settled_jacobian(best)[:, columns],
+                settled=20.0, roughly=ROUGHLY, most=8, fresh_most=2,
+            )  # fmt: skip
+            if found is not None and found.cost - best.cost < max(EVIDENCE, NEEDLESS * term.gain):
+                self.progress(f"{term.term} is no longer needed")
+                best, named = found, [n for n in named if n is not term]
+        return best, named
 
     def unexplained(self, fit: Fit) -> bool:
         """Whether more is left than noise leaves."""
@@ -112,6 +129,7 @@ class Namer:
 
     def with_best_onset(self, best: Fit, active: Active) -> Fit | None:
         """The term from the start, and, where the score test says so, from later on: the better fit of both."""
+        active = self.sized(best, active)
         rough = partial(fit_added, self.problem, best, most=8, fresh=2, settled=20.0, roughly=ROUGHLY)
         always = rough(replace(active, onset=None))
         if active.onset is None or (
@@ -122,6 +140,25 @@ class Namer:
         if later is None or (always is not None and always.cost <= later.cost):
             return always
         return self.with_onset(later)
+
+    def sized(self, best: Fit, active: Active) -> Active:
+        """The term at that multiple of the score test's amplitude which fits best as it is: sensitivities at zero mislead far from it."""
+        term = active.term
+        step = active.values[term.amplitude] - term.neutral
+        tried = [
+            replace(
+                active,
+                values={
+                    **active.values,
+                    term.amplitude: float(np.clip(term.neutral + k * step, term.lower, term.upper)),
+                },
+            )
+            for k in SIZES
+        ]
+        hypotheses = [replace(best.settled(), active=(*best.settled().active, a)) for a in tried]
+        found = self.problem.simulate([h.run(base_start(h, best)) for h in hypotheses])
+        costs = [np.inf if f is None else float(np.sum((self.problem.recorded - f.white) ** 2)) for f in found]
+        return tried[int(np.argmin(costs))]
 
     def with_onset(self, found: Fit) -> Fit:
         """The last term's onset, if it has one: refined by halving, dropped where starting at once is as good."""
@@ -138,13 +175,15 @@ class Namer:
                 if t > 0
             ]
             x = base_start(settled, best)
+            moved = False
             for trial, simulated in zip(trials, self.problem.simulate([t.run(x) for t in trials]), strict=True):
                 if simulated is None:
                     continue
                 rest = self.problem.recorded - simulated.white
                 if float(rest @ rest) < best.chi2:
                     best = Fit(trial, x, float(rest @ rest), rest, simulated, _settled_jacobian(found), False, 0)
-            width /= 2
+                    moved = True
+            width = width if moved else width / 2
         return fit_on(self.problem, best, settled=5.0, roughly=ROUGHLY, most=4) or best
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
+from scipy.signal import detrend
 from numpy.typing import NDArray
 
 from orchestrator.diagnosis.fit import PRIOR, Active, Fit, bounded_step
@@ -14,7 +15,7 @@ from orchestrator.diagnosis.plant import TermCandidate
 from orchestrator.diagnosis.problem import Problem, Run, Vector
 
 SEGMENTS = 16  # of a run; an effect may set in at each of their borders
-ORDERS = 2  # whole orders per term that are simulated, of those that the residual's own order spectrum shows
+ORDERS = 3  # whole orders per term that are simulated, of those that the residual's own order spectrum shows
 RESPONSE = 0.3  # rms over noise that a probing amplitude should cause
 LATE = 60.0  # chi-square by which setting in later must beat being there from the start
 TWINS = 0.9995  # cosine above which two units' terms of one name are one
@@ -162,6 +163,7 @@ def order_power(
     A phase that shifts with speed does no harm.
     """
     width, total = 512, np.zeros(len(orders))
+    taper = np.hanning(width) / np.sqrt(np.mean(np.hanning(width) ** 2))  # else slow structure leaks into low orders
     for block in problem.blocks:
         phi = outputs[block.recording].get(angle)
         if phi is None:
@@ -169,9 +171,9 @@ def order_power(
         r = residual[block.rows]
         n = len(r) // width * width
         turned = np.abs(phi[width - 1 : n : width] - phi[0:n:width])
-        r, p = r[:n].reshape(-1, width), phi[:n].reshape(-1, width)
+        r, p = detrend(r[:n].reshape(-1, width), axis=1) * taper, phi[:n].reshape(-1, width)
         for k, order in enumerate(orders):
-            seen = turned * order > 2 * np.pi  # one period at least
+            seen = turned * order > 4 * np.pi  # two periods at least
             wave = np.abs(np.sum(r * np.exp(-1j * order * p), axis=1)) ** 2 / width
             total[k] += float(np.sum(wave[seen] - 1))
     return total

@@ -12,7 +12,7 @@ from orchestrator.diagnosis.confidence import confidence
 from orchestrator.diagnosis.diagnosis import Estimate, Feature, Finding, Form
 from orchestrator.diagnosis.fit import PRIOR, Fit, fit
 from orchestrator.diagnosis.locate import locate_gain
-from orchestrator.diagnosis.name import EVIDENCE, Named, Namer, Naming
+from orchestrator.diagnosis.name import EVIDENCE, Named, Naming
 from orchestrator.diagnosis.plant import Port, Signals
 from orchestrator.diagnosis.problem import Problem, Run, Vector
 from orchestrator.diagnosis.scan import order_power
@@ -24,6 +24,7 @@ REMAINDER = (
     0.1  # of what was above noise before naming, left after it, from which on a list has not explained the recordings
 )
 HOLDS = 0.5  # of the remainder, that a form must take away to be an answer
+WHOLE = 0.8  # the same, for a form that needs no listed term beside it
 PROBE = {"N.m": 1e-3, "V": 1e-2, "A": 1e-3, "rad": 1e-4, "N": 0.1}
 
 
@@ -34,6 +35,7 @@ class Unlisted:
     fit: Fit
     named: list[Named]
     finding: Finding
+    taken: float  # share of the slow structure
 
 
 @dataclass(frozen=True)
@@ -45,41 +47,46 @@ class Column:
     vector: Vector
 
 
-def look_for_unlisted(
-    problem: Problem, calibrated: Fit, listed: Naming, namer: Namer, say: Callable[[str], None]
-) -> Unlisted | None:
-    """None: the list explains what there is, or no form at any port does better."""
+def look_for_unlisted(problem: Problem, calibrated: Fit, listed: Naming, say: Callable[[str], None]) -> Unlisted | None:
+    """None: the list explains what there is, or no form at any port does better.
+
+    First alone: a form that explains all of it makes listed terms patches. Else beside listed terms that do most of it.
+    """
     before, left = problem.excess(calibrated.residual), problem.excess(listed.fit.residual)
     if left < max(REMAINDER * before, 10 * problem.excess_scatter):
         return None
-    kept = left < (1 - HOLDS) * before  # the listed terms do most of it: they stay
-    start = listed.fit if kept else calibrated
     say("looking for what no list names, port by port")
+    alone = _look(problem, calibrated, [], say)
+    if alone is not None and (alone.taken > WHOLE or not listed.named):
+        return alone
+    beside = _look(problem, listed.fit, listed.named, say) if left < (1 - HOLDS) * before else None
+    if beside is not None:
+        return beside
+    return alone if alone is not None and alone.finding.gain > calibrated.cost - listed.fit.cost else None
+
+
+def _look(problem: Problem, start: Fit, named: list[Named], say: Callable[[str], None]) -> Unlisted | None:
+    """The best port and form beside the terms of `start`; None: nothing takes HOLDS of what it leaves."""
     best: tuple[float, Port, list[Column], Vector] | None = None
     for port in problem.plant.ports:
-        columns = _columns(problem, start, port)
-        chosen, coefficients, gain = _forward(problem, start, columns)
+        chosen, coefficients, gain = _forward(problem, start, _columns(problem, start, port))
         if chosen and (best is None or gain > best[0]):
             best = (gain, port, chosen, coefficients)
     if best is None:
         return None
-    gain, port, chosen, coefficients = best
+    _, port, chosen, coefficients = best
     found = _refit(problem, start, port, chosen, coefficients)
     if found is None:
         return None
-    gained = start.cost - found.cost
-    structure = problem.excess(start.residual)
+    gained, structure = start.cost - found.cost, problem.excess(start.residual)
     taken = (structure - problem.excess(found.residual)) / max(structure, 1e-9)
-    others = calibrated.cost - listed.fit.cost
-    if taken < HOLDS or gained < EVIDENCE or (not kept and gained < others):
+    if taken < HOLDS or gained < EVIDENCE:
         return None
     say(
         f"{port.component}.unlisted at {port.name} takes {gained:.0f} of {start.chi2 - problem.samples:.0f} above noise"
     )
-    named = listed.named if kept else []
-    return Unlisted(
-        found, named, _finding(problem, start, found, port, chosen, coefficients, gained, taken, len(named) + 1)
-    )
+    finding = _finding(problem, start, found, port, chosen, coefficients, gained, taken, len(named) + 1)
+    return Unlisted(found, named, finding, taken)
 
 
 def _columns(problem: Problem, start: Fit, port: Port) -> list[Column]:

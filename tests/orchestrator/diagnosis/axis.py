@@ -1,0 +1,108 @@
+"""A rotating axis small enough to diagnose in seconds: inertia, Coulomb and viscous friction, terms that can be switched on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import sin, tanh
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from orchestrator.diagnosis.campaign import Campaign, Tolerance
+from orchestrator.diagnosis.plant import Parameter, Port, ScannedShape, Signals, TermCandidate
+from orchestrator.diagnosis.recording import Recording
+
+STEP, SAMPLES = 2e-3, 3000
+NOISE = 0.05  # rad/s
+NOMINAL = {"axis.J": 1e-3, "axis.k": 0.1, "axis.d": 2e-3, "axis.tau_C": 0.02}
+
+
+def term(
+    name: str, amplitude: str, most: float, shapes: tuple[ScannedShape, ...] = (), phase: str | None = None
+) -> TermCandidate:
+    """A candidate of the axis, neutral at 0."""
+    return TermCandidate(f"axis.{name}", name, "", f"axis.{name}.{amplitude}", 0.0, -most, most, "N.m", shapes, phase)
+
+
+ORDERS = ScannedShape("axis.cogging.n", tuple(float(n) for n in range(1, 9)), 1, 8, whole=True)
+TERMS = (
+    term("windage", "c", 1e-3),
+    term("asymmetry", "tau_A", 0.05),
+    term("cogging", "A", 0.05, (ORDERS,), "axis.cogging.phi_0"),
+    term("stribeck", "tau_S", 0.05, (ScannedShape("axis.stribeck.w_S", (1.0, 4.0), 0.1, 50.0, logarithmic=True),)),
+)
+
+
+class Axis:
+    """J dw/dt = k u - tau_C tanh(w/0.5) - d w - terms + tau_add, dphi/dt = w; explicit Euler at the recording's step."""
+
+    parameters = {name: Parameter(name, value, "1", 0.0, np.inf) for name, value in NOMINAL.items()}
+    ports = (Port("axis.tau_add", "N.m", ("axis.phi", "axis.w"), ("axis.phi",)),)
+
+    def __init__(self, terms: Sequence[TermCandidate] = TERMS) -> None:
+        self.terms = terms
+        self.runs = 0
+
+    def has(self, name: str, recording: Recording) -> bool:
+        """One component, in every set-up."""
+        return name.split(".")[0] == "axis"
+
+    def simulate(
+        self,
+        values: Mapping[str, float],
+        recording: Recording,
+        *,
+        onsets: Mapping[str, float] | None = None,
+        added: Mapping[str, NDArray[np.float64]] | None = None,
+        signals: Sequence[str] = (),
+    ) -> Signals:
+        """See Plant.simulate."""
+        self.runs += 1
+        v = {**NOMINAL, **values}
+        u = recording.inputs["u"]
+        tau_add = (added or {}).get("axis.tau_add", np.zeros(len(u)))
+        c, tau_A, A = (v.get(f"axis.{n}", 0.0) for n in ("windage.c", "asymmetry.tau_A", "cogging.A"))
+        n, phi_0 = v.get("axis.cogging.n", 1.0), v.get("axis.cogging.phi_0", 0.0)
+        tau_S, w_S = v.get("axis.stribeck.tau_S", 0.0), v.get("axis.stribeck.w_S", 1.0)
+        late = {name: int(round(t / STEP)) for name, t in (onsets or {}).items()}
+        from_A = late.get("axis.cogging.A", 0)
+        phi = w = 0.0
+        out = np.empty((len(u), 2))
+        for j in range(len(u)):
+            out[j] = phi, w
+            s = tanh(w / 0.5)
+            tau = v["axis.tau_C"] * s + v["axis.d"] * w + c * w * abs(w) + tau_A * s * s
+            tau += tau_S * np.exp(-((w / w_S) ** 2)) * s
+            tau += A * sin(n * phi + phi_0) if j >= from_A else 0.0
+            w += STEP * (v["axis.k"] * u[j] - tau + tau_add[j]) / v["axis.J"]
+            phi += STEP * out[j, 1]
+        return {"w": out[:, 1].copy(), "axis.phi": out[:, 0], "axis.w": out[:, 1]}
+
+
+def campaign(
+    truth: Mapping[str, float],
+    colour: float = 0.0,
+    onsets: Mapping[str, float] | None = None,
+    extra: str = "",
+    seed: int = 1,
+) -> Campaign:
+    """Two runs of an axis with these parameters, recorded with noise. extra: "cube" adds an effect that no term has."""
+    rng = np.random.default_rng(seed)
+    time = STEP * np.arange(SAMPLES)
+    inputs = (2.0 * np.sin(2 * np.pi * time / 3), 1.2 + np.where(time > 3, 0.8, 0.0) - np.where(time > 4.5, 1.6, 0.0))
+    recordings = []
+    for number, u in enumerate(inputs):
+        recording = Recording(
+            f"run{number}", "train", "default", time, {"u": u}, {"w": np.zeros(SAMPLES)}, {"w": "rad/s"}
+        )
+        clean = Axis().simulate(truth, recording, onsets=onsets)
+        for _ in range(6 if extra else 0):  # the missing torque follows the motion that it changes
+            tau = -6e-3 * np.sin(3 * clean["axis.phi"]) * np.tanh(clean["axis.w"] / 1e-3)
+            clean = Axis().simulate(truth, recording, onsets=onsets, added={"axis.tau_add": tau})
+        noise = lfilter([np.sqrt(1 - colour**2)], [1, -colour], rng.normal(0, NOISE, SAMPLES))
+        recording.outputs["w"] = clean["w"] + noise
+        recordings.append(recording)
+    tolerances = {name: Tolerance(relative=0.1) for name in NOMINAL if name != "axis.k"}
+    return Campaign("axis", Path("campaign.toml"), "axis", {}, {}, tolerances, {}, recordings)

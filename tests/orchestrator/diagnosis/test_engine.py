@@ -1,0 +1,148 @@
+"""What the diagnosis claims, on an axis whose truth is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, ORDERS, TERMS, Axis, campaign
+from scipy.optimize import lsq_linear
+from scipy.signal import lfilter
+
+from orchestrator.diagnosis.engine import diagnose_plant
+from orchestrator.diagnosis.fit import Hypothesis, bounded_step, fit, tolerances
+from orchestrator.diagnosis.problem import Noise, Problem
+from orchestrator.diagnosis.store import Store
+
+OFF = {"axis.J": 1.04e-3, "axis.d": 1.9e-3, "axis.tau_C": 0.0206}  # inside the tolerances
+
+
+def problem(case, axis=None):  # type: ignore[no-untyped-def]
+    return Problem(axis or Axis(), case.train, {"w": Noise(NOISE)})
+
+
+def bounds(case):  # type: ignore[no-untyped-def]
+    return {name: t.bounds(NOMINAL[name]) for name, t in case.tolerances.items()}
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.5, 0.8])
+def test_whitening_leaves_white_noise_of_unit_variance(colour: float) -> None:
+    rng = np.random.default_rng(3)
+    y = lfilter([np.sqrt(1 - colour**2)], [1, -colour], rng.normal(0, 1.0, 3000))
+    rounded = 0.5 * np.round(y / 0.5)
+    seen = float(np.mean(rounded[1:] * rounded[:-1]) / np.var(rounded))
+    p = Problem(Axis(), campaign({}).train[:1], {"w": Noise(float(np.std(rounded)), seen, 0.5)})
+    white = p.whiten([{"w": rounded}])
+    assert np.var(white) == pytest.approx(1.0, rel=0.06)
+    assert abs(np.mean(white[1:] * white[:-1])) < 4 / np.sqrt(3000)
+
+
+def test_a_bounded_step_is_that_of_the_textbook_solver() -> None:
+    rng = np.random.default_rng(5)
+    J, r = rng.normal(size=(50, 4)), rng.normal(size=50)
+    lower, upper = -0.1 * np.ones(4), 0.1 * np.ones(4)
+    step, decrease = bounded_step(J.T @ J, J.T @ r, lower, upper)
+    assert step == pytest.approx(lsq_linear(J, r, (lower, upper), method="bvls").x, abs=1e-8)
+    assert decrease == pytest.approx(r @ r - np.sum((r - J @ step) ** 2))
+
+
+def test_a_refit_finds_the_parameters_and_its_intervals_hold_them() -> None:
+    case = campaign(OFF)
+    p = problem(case)
+    found = fit(p, Hypothesis(tolerances(p, bounds(case))))
+    assert found is not None
+    estimates = found.estimates({})
+    for name, value in OFF.items():
+        low, high = estimates[name].ci95
+        assert low - 0.5 * (high - low) < value < high + 0.5 * (high - low), name
+    assert found.chi2 == pytest.approx(p.samples, rel=0.05)
+
+
+def test_a_refit_stays_inside_the_tolerances_and_says_where_it_ends_at_one() -> None:
+    case = campaign({"axis.d": 3e-3})
+    p = problem(case)
+    found = fit(p, Hypothesis(tolerances(p, bounds(case))))
+    assert found is not None
+    assert found.estimates({})["axis.d"].value == pytest.approx(1.1 * NOMINAL["axis.d"])
+    assert found.estimates({})["axis.d"].at == "upper"
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.8])
+def test_a_healthy_campaign_yields_nothing_missing_whatever_the_colour_of_its_noise(colour: float) -> None:
+    found = diagnose_plant(campaign(OFF, colour), Axis())
+    assert found.verdict == "nothing_missing"
+    assert found.findings == []
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        {"axis.windage.c": 4e-5},
+        {"axis.asymmetry.tau_A": 4e-3},
+        {"axis.cogging.A": 4e-3, "axis.cogging.n": 5.0, "axis.cogging.phi_0": 0.7},
+    ],
+    ids=["windage", "asymmetry", "cogging"],
+)
+def test_a_concealed_term_is_named_with_its_parameters(effect: dict[str, float]) -> None:
+    found = diagnose_plant(campaign(OFF | effect), Axis())
+    name = next(iter(effect)).rsplit(".", 1)[0]
+    assert found.verdict == "explained"
+    assert [f.term for f in found.findings] == [name]
+    for parameter, value in effect.items():
+        assert found.findings[0].parameters[parameter].value == pytest.approx(value, rel=0.15), parameter
+
+
+def test_two_concealed_terms_are_both_named() -> None:
+    found = diagnose_plant(
+        campaign(OFF | {"axis.asymmetry.tau_A": 4e-3, "axis.cogging.A": 4e-3, "axis.cogging.n": 3.0}), Axis()
+    )
+    assert {f.term for f in found.findings} == {"axis.asymmetry", "axis.cogging"}
+
+
+def test_an_effect_that_sets_in_during_the_run_is_dated() -> None:
+    effect = {"axis.cogging.A": 6e-3, "axis.cogging.n": 5.0}
+    found = diagnose_plant(campaign(OFF | effect, onsets={"axis.cogging.A": 2.6}), Axis())
+    assert [f.term for f in found.findings] == ["axis.cogging"]
+    assert found.findings[0].onset == pytest.approx(2.6, abs=0.1)
+
+
+def test_an_effect_that_no_term_has_is_called_unlisted_and_given_its_form() -> None:
+    found = diagnose_plant(campaign(OFF, extra="sin(3 phi) sgn(w)"), Axis())
+    assert found.verdict == "unlisted"
+    assert [f.term for f in found.findings] == ["axis.unlisted"]
+    form = found.findings[0].shape
+    assert form is not None and form.port == "axis.tau_add"
+    assert form.features[0].form == "sin(3*phi)*sgn(w)"
+    assert form.features[0].coefficient.value == pytest.approx(-6e-3, rel=0.15)
+
+
+def test_without_the_true_term_in_the_catalogue_none_of_the_others_is_dressed_as_it() -> None:
+    effect = {"axis.cogging.A": 6e-3, "axis.cogging.n": 5.0, "axis.cogging.phi_0": 1.0}
+    found = diagnose_plant(campaign(OFF | effect), Axis([t for t in TERMS if t.phase is None]))
+    assert [f.term for f in found.findings] == ["axis.unlisted"]
+
+
+def test_orders_are_found_without_simulating_each_of_them() -> None:
+    axis = Axis()
+    diagnose_plant(campaign(OFF | {"axis.cogging.A": 4e-3, "axis.cogging.n": 7.0}), axis)
+    cogging_scanned_in_full = 2 * 2 * len(ORDERS.values)
+    one_scan = cogging_scanned_in_full + 2 * 2 * 4
+    assert axis.runs < 10 * one_scan
+
+
+def test_an_interrupted_diagnosis_goes_on_and_gives_the_same_answer(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    case = campaign(OFF | {"axis.windage.c": 4e-5})
+    whole = diagnose_plant(case, Axis())
+
+    def interrupt(words: str) -> None:
+        if words.startswith("scan"):
+            raise KeyboardInterrupt
+
+    store = Store(tmp_path, "axis")
+    with pytest.raises(KeyboardInterrupt):
+        diagnose_plant(case, Axis(), progress=interrupt, store=store)
+    resumed = Axis()
+    again = diagnose_plant(case, resumed, store=store)
+    assert {**again.to_json(), "seconds": 0} == {**whole.to_json(), "seconds": 0}
+    third = Axis()
+    diagnose_plant(case, third, store=store)
+    assert third.runs < 0.1 * resumed.runs

@@ -16,7 +16,7 @@ from orchestrator.diagnosis.experiment import next_experiment
 from orchestrator.diagnosis.fit import Fit, Hypothesis, fit, tolerances
 from orchestrator.diagnosis.fmus import FmuPlant
 from orchestrator.diagnosis.locate import locate
-from orchestrator.diagnosis.name import Named, Namer, prune
+from orchestrator.diagnosis.name import Named, Namer, prune, worth_naming
 from orchestrator.diagnosis.plant import Plant
 from orchestrator.diagnosis.problem import Noise, Problem
 from orchestrator.diagnosis.scan import Scan
@@ -62,10 +62,11 @@ def diagnose_plant(
     bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
     say("re-fitting the base model inside its tolerances")
     base = Hypothesis(tolerances(problem, bounds))
-    calibrated = store.remember("calibrated", (), lambda: fit(problem, base, settled=5.0, roughly=CALIBRATION))
+    told = tuple((name, c.noise, c.colour) for name, c in campaign.logged.items() if c.colour is not None)
+    calibrated = store.remember("calibrated", told, lambda: fit(problem, base, settled=5.0, roughly=CALIBRATION))
     if calibrated is None:
         raise RuntimeError("the system cannot be simulated with its nominal parameters on these recordings")
-    naming = store.remember("naming", tuple(campaign.terms), lambda: _name(problem, calibrated, say, campaign.terms))
+    naming = store.remember("naming", (*told, *campaign.terms), lambda: _name(problem, calibrated, say, campaign.terms))
     say("writing down what was found")
     found = _answer(problem, naming)
     found.seconds = time.monotonic() - begun
@@ -95,7 +96,7 @@ def _name(problem: Problem, calibrated: Fit, say: Progress, only: Sequence[str])
     unlisted = None if only else look_for_unlisted(problem, calibrated, listed, say)
     best, named = (unlisted.fit, unlisted.named) if unlisted else (listed.fit, listed.named)
     if not unlisted:
-        best, named = prune(problem, calibrated, listed)
+        best, named = (worth_naming if only else prune)(problem, calibrated, listed)
     return Naming(calibrated, best, named, listed.ranking, dict(namer.scan.twins), unlisted)
 
 

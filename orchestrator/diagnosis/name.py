@@ -21,6 +21,7 @@ ALIKE_SHARE = 0.05  # the same, as a share of what the best fit leaves
 SIZES = (0.3, 1.0, 3.0, 10.0)  # multiples of the score test's amplitude that a fit may start from
 NEEDLESS = 0.02  # of what an earlier term took, that it must still take beside a later one
 RIVAL = 0.3  # of the best promise, that another term's promise must have to be tried against it
+WORTH = 0.1  # of what the re-fit leaves above noise, that a term must take where a campaign says what to look at
 ROUGHLY = 0.01  # precision of fits that only compete, as a share of what is above noise
 
 Progress = Callable[[str], None]
@@ -225,6 +226,17 @@ def prune(problem: Problem, calibrated: Fit, naming: Naming) -> tuple[Fit, list[
     left = problem.excess(naming.fit.residual) - 3 * problem.excess_scatter
     named = list(naming.named)
     while named and named[-1].gain < left:
+        named.pop()
+    return naming.history[len(named)], named
+
+
+def worth_naming(problem: Problem, calibrated: Fit, naming: Naming) -> tuple[Fit, list[Named]]:
+    """Where a campaign says what to look at: without the last terms that take little of what the re-fit leaves.
+
+    No model of a real machine leaves nothing but noise, so what stays unexplained is no measure there.
+    """
+    named = list(naming.named)
+    while named and named[-1].gain < WORTH * (calibrated.chi2 - problem.samples):
         named.pop()
     return naming.history[len(named)], named
 

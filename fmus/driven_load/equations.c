@@ -21,6 +21,5 @@ static void unit_equations(Unit *m) {
   m->der_W_abs = fabs(m->der_W);
 
   m->w = w;
-  m->s = lead * m->phi;
-  m->v = lead * w;
+  m->v = m->der_s = lead * w;
 }

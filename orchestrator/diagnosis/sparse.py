@@ -20,6 +20,7 @@ from orchestrator.system.read import load_system
 
 WINDOW = 51  # samples of the smoothing differentiator: noise in dw/dt against transients
 THRESHOLD = 0.2  # of a standardised coefficient, below which a term is dropped
+RIDGE = 0.05  # per sample and standardised coefficient: friction terms are nearly alike
 Row = NDArray[np.float64]
 
 
@@ -66,6 +67,8 @@ def sparse_regression(campaign: Campaign, calibrated: Mapping[str, Estimate]) ->
     findings = []
     for equation in EQUATIONS:
         used = [pair for pair, r in zip(pairs, campaign.train, strict=True) if r.inputs.keys() >= equation.needs]
+        if not used:
+            continue
         runs = [measured for measured, _ in used]
         # the simulation leaves over what smoothing and differentiating do to a healthy bench
         y = np.concatenate([equation.left_over(s, p) - equation.left_over(healthy, p) for s, healthy in used])
@@ -75,13 +78,16 @@ def sparse_regression(campaign: Campaign, calibrated: Mapping[str, Estimate]) ->
             for column in zip(*(candidate(s, p) for s in runs), strict=True):
                 names.append(name)
                 columns.append(np.concatenate(column))
+        base = base[:, np.any(base != 0, axis=0)]  # without load there is none to weigh
         q, _ = np.linalg.qr(base / np.linalg.norm(base, axis=0))
         rest, theta = y - q @ (q.T @ y), np.column_stack(columns)
         theta = theta - q @ (q.T @ theta)
         scale = np.maximum(np.std(theta, axis=0), 1e-12)
         with warnings.catch_warnings():  # pysindy warns where nothing is kept, which is an answer here
             warnings.simplefilter("ignore", UserWarning)
-            regression = STLSQ(threshold=THRESHOLD, alpha=1e-6).fit(theta / scale, (rest / np.std(rest))[:, None])
+            least = max(THRESHOLD, 4 / np.sqrt(len(rest) / WINDOW))  # four standard errors: smoothed samples are fewer
+            optimizer = STLSQ(threshold=least, alpha=RIDGE * len(rest))
+            regression = optimizer.fit(theta / scale, (rest / np.std(rest))[:, None])
         kept = regression.coef_[0]
         for name in dict.fromkeys(n for n, c in zip(names, kept, strict=True) if c != 0):
             size = float(np.hypot.reduce([c for n, c in zip(names, kept, strict=True) if n == name]))

@@ -32,7 +32,10 @@ static inline Phases three_phases(const Unit *m, double v, double R, const doubl
   Phases p;
   const double R_ph = R / 2, L_ph = m->winding_L / 2, v_bus = m->inverter_v_bus;
   const int n = modulo6(m->sector[0]), h = HIGH[n], l = LOW[n], f = FLOATING[n];
-  trapezoids(m->phi, p.shape);
+  /* within its sector two trapezoids are flat and the floating phase's is a line, eq. 2.17 to 2.19 */
+  p.shape[h] = 1;
+  p.shape[l] = -1;
+  p.shape[f] = (n % 2 ? -1 : 1) * (1 - 6 / PI * (m->phi - sector_start(m->sector[0])));
   for (int x = 0; x < 3; x++) p.e[x] = m->winding_k / 2 * m->w * p.shape[x];
   if (!m->enable) {
     p.v_floating = open_bridge(m, R, i, p.e, p.der);

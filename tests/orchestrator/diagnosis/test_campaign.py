@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orchestrator.diagnosis.campaign import load_campaign, system_connectors
+from orchestrator import data
+from orchestrator.diagnosis.campaign import load_campaign, read_campaign_file, system_connectors
 from orchestrator.diagnosis.engine import noises
 from orchestrator.errors import UserError
+from orchestrator.system.read import load_system
 
 
 def write(folder: Path, toml: str) -> Path:
@@ -103,3 +105,20 @@ def test_what_the_campaign_says_of_noise_replaces_the_estimate(tmp_path: Path, a
     logged = '[logged."axis.s"]\nunit = "m"\ncausality = "output"\nnoise = 0.5\ncolour = 0.25\n'
     noise = noises(load_campaign(write(tmp_path, AXIS + logged)))["axis.s"]
     assert (noise.sigma, noise.colour) == (0.5, 0.25)
+
+
+def test_what_the_joint_brings_fits_its_systems() -> None:
+    """Logged channels are connectors of every set-up that has them, tolerances are parameters of its units."""
+    given = read_campaign_file(data.folder("systems") / "joint.campaign.toml")
+    parameters: set[str] = set()
+    for setup, file in given.setups.items():
+        path = data.folder("systems") / file
+        offered = system_connectors(path)
+        for name, channel in given.logged.items():
+            if channel.setups is None or setup in channel.setups:
+                assert (offered[name].causality, offered[name].unit) == (channel.causality, channel.unit)
+        for component in load_system(path).components:
+            parameters |= {f"{component.name}.{name}" for name in component.unit.variables}
+    assert len(given.tolerances) == 19
+    assert set(given.tolerances) <= parameters
+    assert set(given.channels.values()) == set(given.logged)

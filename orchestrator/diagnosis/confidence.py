@@ -1,14 +1,14 @@
-"""How often a finding of this kind is right, from campaigns with known answers (docs/diagnosis-calibration.md)."""
+"""How often a finding of this kind is expected to be right (docs/diagnosis-calibration.md says on what ground)."""
 
 from __future__ import annotations
 
 import math
 
-# logistic coefficients, by maximum likelihood over the calibration's findings: see calibration.py, which prints them
+# of the logarithm of the odds; chosen, not fitted: one finding that leaves nothing unexplained is given 95 %
 INTERCEPT, CLEAN, CROWDED = 3.0, 2.0, 1.0
 
 
-def confidence(gain: float, left: float, findings: int, _equivalent: bool = False) -> float:
+def confidence(gain: float, left: float, findings: int) -> float:
     """0..1.
 
     gain: chi-square the finding takes away; left: structure above noise that stays unexplained; findings: of this

@@ -143,7 +143,7 @@ def _finding(problem: Problem, naming: Naming, named: Named, repaired: Mapping[s
     return Finding(
         term=named.term,
         equivalent=tuple(equivalent),
-        confidence=confidence(named.gain, left, len(naming.named), bool(equivalent)),
+        confidence=confidence(named.gain, left, len(naming.named)),
         onset=active.onset,
         parameters=parameters,
         where=where,

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
-from scipy.signal import detrend
 from numpy.typing import NDArray
+from scipy.signal import detrend
 
 from orchestrator.diagnosis.fit import PRIOR, Active, Fit, bounded_step
 from orchestrator.diagnosis.plant import TermCandidate
@@ -116,6 +116,11 @@ class Scan:
                 columns.append(Column(term, shape, tuple((v.white - fit.simulated.white) / delta for v in vectors)))  # type: ignore[union-attr]
         return [c for c in columns if all(v @ v > 0 for v in c.vectors)]
 
+    def probes(self, fit: Fit) -> dict[str, float]:
+        """Term -> probing amplitude."""
+        self._adapt([t for t in self.terms if t.name not in self.probe], fit)
+        return self.probe
+
     def _adapt(self, terms: Sequence[TermCandidate], fit: Fit) -> None:
         """Amplitudes whose responses are well above rounding and still small."""
         trial = {t.name: min(FIRST.get(t.unit, 1e-6), 0.5 * (t.upper - t.neutral)) for t in terms}
@@ -181,32 +186,53 @@ def order_power(
 
 def scores(problem: Problem, fit: Fit, columns: Sequence[Column]) -> list[Score]:
     """Best first, one per term."""
-    base = fit.jacobian.shape[1]
-    stacked = np.column_stack([fit.residual, fit.jacobian, *(v for c in columns for v in c.vectors)])
-    segment = np.minimum((problem.times() / (problem.times().max() + 1e-9) * SEGMENTS).astype(int), SEGMENTS - 1)
-    grams = np.stack([stacked[segment == k].T @ stacked[segment == k] for k in range(SEGMENTS)])
-    whole = grams.sum(axis=0)
-    width = problem.times().max() / SEGMENTS
-    coordinates = fit.hypothesis.coordinates
-    prior = np.where([c.kind == "base" for c in coordinates], PRIOR, 1e-9)
-    lower = np.array([c.lower for c in coordinates]) - fit.x
-    upper = np.array([c.upper for c in coordinates]) - fit.x
-    settled, nothing = bounded_step(
-        whole[1 : base + 1, 1 : base + 1] + np.diag(prior), whole[1 : base + 1, 0] - prior * fit.x, lower, upper
-    )
-    held = (settled <= lower + 1e-9) | (settled >= upper - 1e-9)  # at a bound: it projects nothing out
-    best: dict[str, Score] = {}
-    at = base + 1
-    for column in columns:
-        own = np.arange(at, at + len(column.vectors))
-        at += len(own)
-        for onset, active in _windows(column.term, grams, width):
-            gain, amplitude = _gain(whole, active, own, base, prior, fit.x, held, nothing)
-            gain -= LATE if onset is not None and not _timed(column.term) else 0.0
-            score = _score(column, amplitude, gain, onset, width)
-            if score and (column.term.name not in best or gain > best[column.term.name].gain):
-                best[column.term.name] = score
-    return sorted(best.values(), key=lambda s: -s.gain)
+    return ScoreTest(problem, fit, columns).rank(fit.residual)
+
+
+class ScoreTest:
+    """Gram matrices of a fit's Jacobian and the terms' columns per segment of the runs: made once, they serve any residual."""
+
+    def __init__(self, problem: Problem, fit: Fit, columns: Sequence[Column]) -> None:
+        self.columns = columns
+        self.x = fit.x
+        coordinates = fit.hypothesis.coordinates
+        self.prior = np.where([c.kind == "base" for c in coordinates], PRIOR, 1e-9)
+        self.lower = np.array([c.lower for c in coordinates]) - fit.x
+        self.upper = np.array([c.upper for c in coordinates]) - fit.x
+        duration = float(problem.times().max())
+        self.width = duration / SEGMENTS
+        segment = np.minimum((problem.times() / (duration + 1e-9) * SEGMENTS).astype(int), SEGMENTS - 1)
+        self.rows = [np.flatnonzero(segment == k) for k in range(SEGMENTS)]
+        stacked = np.column_stack([fit.jacobian, *(v for c in columns for v in c.vectors)])
+        self.parts = [stacked[rows] for rows in self.rows]
+        self.grams = np.zeros((SEGMENTS, stacked.shape[1] + 1, stacked.shape[1] + 1))  # row and column 0: the residual
+        for gram, part in zip(self.grams, self.parts, strict=True):
+            gram[1:, 1:] = part.T @ part
+
+    def rank(self, residual: Vector) -> list[Score]:
+        """Best first, one per term."""
+        for gram, part, rows in zip(self.grams, self.parts, self.rows, strict=True):
+            gram[0, 1:] = gram[1:, 0] = part.T @ residual[rows]
+        whole, base = self.grams.sum(axis=0), len(self.x)
+        settled, nothing = bounded_step(
+            whole[1 : base + 1, 1 : base + 1] + np.diag(self.prior),
+            whole[1 : base + 1, 0] - self.prior * self.x,
+            self.lower,
+            self.upper,
+        )
+        held = (settled <= self.lower + 1e-9) | (settled >= self.upper - 1e-9)  # at a bound: it projects nothing out
+        best: dict[str, Score] = {}
+        at = base + 1
+        for column in self.columns:
+            own = np.arange(at, at + len(column.vectors))
+            at += len(own)
+            for window, active in _windows(column.term, self.grams, self.width):
+                gain, amplitude = _gain(whole, active, own, base, self.prior, self.x, held, nothing)
+                gain -= LATE if window is not None and not _timed(column.term) else 0.0
+                score = _score(column, amplitude, gain, window, self.width)
+                if score and (column.term.name not in best or gain > best[column.term.name].gain):
+                    best[column.term.name] = score
+        return sorted(best.values(), key=lambda s: -s.gain)
 
 
 def _gain(

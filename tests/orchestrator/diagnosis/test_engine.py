@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, ORDERS, TERMS, Axis, campaign
 from scipy.optimize import lsq_linear
 from scipy.signal import lfilter
 
+from orchestrator.diagnosis.calibration import Bench, healthy
+from orchestrator.diagnosis.campaign import Logged
 from orchestrator.diagnosis.engine import diagnose_plant
 from orchestrator.diagnosis.fit import Hypothesis, bounded_step, fit, tolerances
+from orchestrator.diagnosis.name import EVIDENCE
 from orchestrator.diagnosis.problem import Noise, Problem
 from orchestrator.diagnosis.store import Store
+from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, ORDERS, TERMS, Axis, campaign
 
 OFF = {"axis.J": 1.04e-3, "axis.d": 1.9e-3, "axis.tau_C": 0.0206}  # inside the tolerances
 
@@ -110,7 +115,8 @@ def test_an_effect_that_no_term_has_is_called_unlisted_and_given_its_form() -> N
     assert found.verdict == "unlisted"
     assert [f.term for f in found.findings] == ["axis.unlisted"]
     form = found.findings[0].shape
-    assert form is not None and form.port == "axis.tau_add"
+    assert form is not None
+    assert form.port == "axis.tau_add"
     assert form.features[0].form == "sin(3*phi)*sgn(w)"
     assert form.features[0].coefficient.value == pytest.approx(-6e-3, rel=0.15)
 
@@ -146,3 +152,13 @@ def test_an_interrupted_diagnosis_goes_on_and_gives_the_same_answer(tmp_path) ->
     third = Axis()
     diagnose_plant(case, third, store=store)
     assert third.runs < 0.1 * resumed.runs
+
+
+def test_the_score_test_is_quiet_on_healthy_draws_and_names_large_effects_whatever_the_colour() -> None:
+    logged = {"w": Logged(unit="N.m", causality="output", noise=NOISE)}
+    bench = Bench(replace(campaign({}), logged=logged), Axis(), np.random.default_rng(7))  # type: ignore[arg-type]
+    assert max(d.gain for d in healthy(bench, 20)) < EVIDENCE
+    columns = [c for c in bench.columns if c.term.name in ("axis.windage", "axis.asymmetry", "axis.cogging")]
+    draws = [bench.draw(colour, column, 60.0) for column in columns for colour in (0.0, 0.8)]
+    assert all(d.gain > EVIDENCE for d in draws)
+    assert sum(d.leader == d.truth for d in draws) >= 0.8 * len(draws)

@@ -1,11 +1,11 @@
-"""How often the score test is wrong: healthy and faulty recordings of a system in number, noise colour and effect size varied.
+"""How often the score test is wrong, over noise colour and effect size, counted on healthy and faulty draws.
 
     python -m orchestrator.diagnosis.calibration CAMPAIGN.toml [--healthy 400] [--faulty 200] [--seed 0]
 
-The campaign lends its inputs, channels and tolerances; its outputs are not used. Healthy runs are simulated once with parameters drawn inside
-the tolerances; every draw adds noise of another colour, rounded to the converter's step, and what `condition` estimates from that recording
-whitens it: so errors of that estimate count. Effects are added in their linear response, as large as the size asked for (chi-square that a
-re-fit leaves, over noise). The tables are Markdown.
+The campaign lends its inputs, channels and tolerances; its outputs are not used. Healthy runs are simulated once, with
+parameters drawn inside the tolerances; every draw adds noise of another colour, rounded to the converter's step, and
+what `condition` estimates from that recording whitens it: so errors of that estimate count. Effects are added in their
+linear response, as large as the size asked for (root of the chi-square that a re-fit leaves). The tables are Markdown.
 """
 
 from __future__ import annotations
@@ -204,9 +204,7 @@ def main() -> None:
     with FmuPlant({setup: load_system(path) for setup, path in campaign.setups.items()}) as plant:
         bench = Bench(campaign, plant, rng)
         well, ill = list(healthy(bench, given.healthy)), list(faulty(bench, given.faulty))
-        print(
-            f"seed {given.seed}, {len(bench.columns)} scanned shapes of {len(plant.terms)} terms, evidence {EVIDENCE:g}\n"
-        )
+        print(f"seed {given.seed}, {len(plant.terms)} terms in {len(bench.columns)} shapes, evidence {EVIDENCE:g}\n")
         print(tables(bench, well, ill))
 
 

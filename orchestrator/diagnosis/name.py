@@ -143,7 +143,10 @@ class Namer:
         return self.with_onset(later)
 
     def sized(self, best: Fit, active: Active) -> Active:
-        """The term at that multiple of the score test's amplitude which fits best as it is: sensitivities at zero mislead far from it."""
+        """The term at that multiple of the score test's amplitude which fits best as it is.
+
+        Sensitivities at zero mislead far from it.
+        """
         term = active.term
         step = active.values[term.amplitude] - term.neutral
         tried = [

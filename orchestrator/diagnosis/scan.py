@@ -190,7 +190,7 @@ def scores(problem: Problem, fit: Fit, columns: Sequence[Column]) -> list[Score]
 
 
 class ScoreTest:
-    """Gram matrices of a fit's Jacobian and the terms' columns per segment of the runs: made once, they serve any residual."""
+    """Gram matrices of a fit's Jacobian and the terms' columns per segment of the runs; they serve any residual."""
 
     def __init__(self, problem: Problem, fit: Fit, columns: Sequence[Column]) -> None:
         self.columns = columns

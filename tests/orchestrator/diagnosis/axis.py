@@ -1,4 +1,4 @@
-"""A rotating axis small enough to diagnose in seconds: inertia, Coulomb and viscous friction, terms that can be switched on."""
+"""A rotating axis small enough to diagnose in seconds: inertia, friction, and terms that can be switched on."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ TERMS = (
 
 
 class Axis:
-    """J dw/dt = k u - tau_C tanh(w/0.5) - d w - terms + tau_add, dphi/dt = w; explicit Euler at the recording's step."""
+    """J dw/dt = k u - tau_C tanh(w/0.5) - d w - terms + tau_add, dphi/dt = w; Euler at the recording's step."""
 
-    parameters = {name: Parameter(name, value, "1", 0.0, np.inf) for name, value in NOMINAL.items()}
     ports = (Port("axis.tau_add", "N.m", ("axis.phi", "axis.w"), ("axis.phi",)),)
 
     def __init__(self, terms: Sequence[TermCandidate] = TERMS) -> None:
         self.terms = terms
+        self.parameters = {name: Parameter(name, value, "1", 0.0, np.inf) for name, value in NOMINAL.items()}
         self.runs = 0
 
     def has(self, name: str, recording: Recording) -> bool:
@@ -66,7 +66,7 @@ class Axis:
         c, tau_A, A = (v.get(f"axis.{n}", 0.0) for n in ("windage.c", "asymmetry.tau_A", "cogging.A"))
         n, phi_0 = v.get("axis.cogging.n", 1.0), v.get("axis.cogging.phi_0", 0.0)
         tau_S, w_S = v.get("axis.stribeck.tau_S", 0.0), v.get("axis.stribeck.w_S", 1.0)
-        late = {name: int(round(t / STEP)) for name, t in (onsets or {}).items()}
+        late = {name: round(t / STEP) for name, t in (onsets or {}).items()}
         from_A = late.get("axis.cogging.A", 0)
         phi = w = 0.0
         out = np.empty((len(u), 2))

@@ -57,8 +57,10 @@ class Namer:
 
     def name(self, calibrated: Fit) -> Naming:
         """From the base model up."""
+        best, history = calibrated, [calibrated]
+        named: list[Named] = []
         ranking: list[list[Candidate]] = []
-        best, named, columns, history = calibrated, [], [], [calibrated]
+        columns: list[Column] = []
         while len(best.hypothesis.active) < MOST_TERMS and self.unexplained(best):
             self.progress(f"scan {len(ranking) + 1}: every term that the units know")
             columns = self.scan.columns(best, skip=[a.term.name for a in best.hypothesis.active])

@@ -193,7 +193,8 @@ def diagnose_response(
         key = (alternative.model_dump(), [candidate.term for candidate in leaders])
         say(f"fitting {' and '.join(key[1])}: {alternative.name}")
         fits = store.remember("named", key, partial(_fits, response, alternative, base, leaders))
-        repaired, equivalent = choose(base, fits, len(ranking))
+        allowed = {name: f for name, f in fits.items() if not response.given.terms or name in response.given.terms}
+        repaired, equivalent = choose(base, allowed, len(ranking))
         readings.append(Reading(alternative, nominal, base, repaired, ranking, equivalent))
     best = min(readings, key=lambda r: r.repaired.chi2)
     return _diagnosis(response, best, readings), readings

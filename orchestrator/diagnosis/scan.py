@@ -25,7 +25,7 @@ FIRST = {
     "V": 1e-2,
     "A": 1e-3,
     "rad": 1e-4,
-    "s": 1e-4,
+    "s": 2e-3,
 }  # probing amplitude by unit; then adapted
 
 
@@ -130,7 +130,7 @@ class Scan:
             again = []
             for term, found in zip(left, self.problem.simulate(runs, fit.simulated), strict=True):
                 size = np.sqrt(np.mean((found.white - fit.simulated.white) ** 2)) if found else np.inf
-                if 0.03 <= size <= 3 or (size < 0.03 and trial[term.name] >= 0.4 * (term.upper - term.neutral)):
+                if 0.03 <= size <= 30 or (size < 0.03 and trial[term.name] >= 0.4 * (term.upper - term.neutral)):
                     continue
                 factor = 1e-3 if not np.isfinite(size) else 1e3 if size < 1e-3 else float(RESPONSE / size)
                 trial[term.name] = min(trial[term.name] * factor, 0.5 * (term.upper - term.neutral))

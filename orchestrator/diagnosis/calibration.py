@@ -30,7 +30,10 @@ from orchestrator.system.read import load_system
 
 COLOURS = (0.0, 0.3, 0.5, 0.8)  # of the torque channel; the others are white
 SIZES = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0)  # root of the chi-square that the re-fit leaves of the effect
-COARSE = 0.05  # to which an estimated colour is rounded, so that whitened sensitivities can be kept
+COARSE, WHITE = (
+    0.02,
+    0.1,
+)  # estimated colours are rounded, small ones to none: whitened sensitivities are kept by colour
 
 
 @dataclass(frozen=True)
@@ -108,10 +111,9 @@ class Bench:
         return recorded
 
     def _test(self, noise: Mapping[str, Noise]) -> tuple[Problem, ScoreTest]:
-        """The score test whitened with this noise; colours rounded, sigmas as they are, so that few are made."""
-        rounded = {n: Noise(v.sigma, COARSE * round(v.colour / COARSE), v.step) for n, v in noise.items()}
-        scale = {n: _noise(self.campaign, n)[0] for n in rounded}
-        kept = {n: Noise(scale[n], v.colour, v.step) for n, v in rounded.items()}
+        """The score test whitened with noise of these colours, rounded: few are made."""
+        colours = {n: 0.0 if v.colour < WHITE else COARSE * round(v.colour / COARSE) for n, v in noise.items()}
+        kept = {n: Noise(_noise(self.campaign, n)[0], colours[n], v.step) for n, v in noise.items()}
         key = tuple(v.colour for v in kept.values())
         if key not in self._tests:
             problem = Problem(self.plant, self.campaign.train, kept)

@@ -13,7 +13,7 @@ from orchestrator.diagnosis.fit import Active, Fit, Hypothesis, difference, fit
 from orchestrator.diagnosis.problem import Problem, Vector
 from orchestrator.diagnosis.scan import Column, Scan, Score, scores
 
-EVIDENCE = 500.0  # chi-square that a term must take away; 99 % of healthy draws stay below 17 (docs/diagnosis-calibration.md)
+EVIDENCE = 500.0  # chi-square that a term must take; 99 % of healthy draws: below 17 (docs/diagnosis-calibration.md)
 LEADERS = 4  # of a scan's ranking that are fitted with everything else free
 MOST_TERMS = 4
 ALIKE = 30.0  # chi-square by which a term's fit may be worse and still not be told apart

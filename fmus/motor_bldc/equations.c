@@ -33,7 +33,7 @@ static void unit_equations(Unit *m) {
   /* drive and inverter */
   double v = drive(m, i, e, m->winding_R);
   if (m->enable) {
-    if (m->supply_sag_R_s != 0) v -= m->supply_sag_R_s * i * square(v / m->inverter_v_bus);
+    if (m->supply_sag_R_s != 0) v -= m->supply_sag_R_s * i * pow(fabs(v / m->inverter_v_bus), m->supply_sag_n);
     if (m->dead_time_V != 0) v -= m->dead_time_V * sgn(i, m->dead_time_i_0);
     v += m->v_add;
   }

@@ -119,7 +119,7 @@ class Diagnosis:
 
     `calibrated`: base parameters fitted inside their tolerances with nothing added ("before"). `repaired`: every value
     that the repaired system has other than nominal, base parameters and terms ("after"). `onsets`: parameters of
-    `repaired` that hold from that time only.
+    `repaired` that hold from that time only. `structure`: what the residual's slow structure has above noise.
     """
 
     verdict: Verdict
@@ -131,6 +131,7 @@ class Diagnosis:
     channels: dict[str, dict[str, Any]] = field(default_factory=dict)
     next_experiment: str | None = None
     notes: list[str] = field(default_factory=list)
+    structure: dict[str, float] = field(default_factory=dict)  # chi-square above noise, before and after
     seconds: float = 0.0
 
     def parameters(self, variant: Literal["nominal", "calibrated", "repaired"]) -> dict[str, float]:
@@ -149,6 +150,7 @@ class Diagnosis:
                 "channels": self.channels,
                 "next_experiment": self.next_experiment,
                 "notes": self.notes,
+                "structure": self.structure,
                 "seconds": self.seconds,
             }
         )

@@ -63,10 +63,13 @@ def diagnose_plant(
     say("re-fitting the base model inside its tolerances")
     base = Hypothesis(tolerances(problem, bounds))
     told = tuple((name, c.noise, c.colour) for name, c in campaign.logged.items() if c.colour is not None)
-    calibrated = store.remember("calibrated", told, lambda: fit(problem, base, settled=5.0, roughly=CALIBRATION))
+    calibrated = store.remember(
+        "calibrated", told, lambda: fit(problem, base, settled=10.0, roughly=CALIBRATION, fresh_most=2)
+    )
     if calibrated is None:
         raise RuntimeError("the system cannot be simulated with its nominal parameters on these recordings")
-    naming = store.remember("naming", (*told, *campaign.terms), lambda: _name(problem, calibrated, say, campaign.terms))
+    basis = (*told, *campaign.terms)
+    naming = store.remember("naming", basis, lambda: _name(problem, calibrated, say, store, basis, campaign.terms))
     say("writing down what was found")
     found = _answer(problem, naming)
     found.seconds = time.monotonic() - begun
@@ -85,14 +88,14 @@ def noises(campaign: Campaign) -> dict[str, Noise]:
     return found
 
 
-def _name(problem: Problem, calibrated: Fit, say: Progress, only: Sequence[str]) -> Naming:
+def _name(problem: Problem, calibrated: Fit, say: Progress, store: Store, basis: object, only: Sequence[str]) -> Naming:
     """`only`: the terms to look at, and nothing beyond them; empty: all, and what no list names."""
     terms = [term for term in problem.plant.terms if not only or term.name in only]
     if unknown := set(only) - {term.name for term in terms}:
         known = among(term.name for term in problem.plant.terms)
         raise UserError(f"terms: {unknown.pop()!r} is given, the system has {known}")
-    namer = Namer(problem, Scan(problem, terms), say)
-    listed = namer.name(calibrated)
+    namer = Namer(problem, Scan(problem, terms), say, store)
+    listed = namer.name(calibrated, basis)
     unlisted = None if only else look_for_unlisted(problem, calibrated, listed, say)
     best, named = (unlisted.fit, unlisted.named) if unlisted else (listed.fit, listed.named)
     if not unlisted:
@@ -128,6 +131,7 @@ def _answer(problem: Problem, naming: Naming) -> Diagnosis:
         ranking=naming.ranking,
         next_experiment=next_experiment(problem, findings),
         notes=notes,
+        structure={"calibrated": problem.excess(naming.calibrated.residual), "repaired": left},
     )
 
 

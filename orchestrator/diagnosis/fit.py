@@ -12,11 +12,10 @@ from orchestrator.diagnosis.diagnosis import Estimate
 from orchestrator.diagnosis.plant import Parameter, TermCandidate
 from orchestrator.diagnosis.problem import Problem, Run, Simulated, Vector
 
-STEP = 0.02  # of a difference quotient, in units of a tolerance or of an amplitude
+STEP = 0.2  # of a difference quotient, in units of a tolerance or of an amplitude
 PRIOR = 1.0  # weight of (deviation/tolerance)^2: a healthy unit is rather inside than at the edge
-NEAR = (
-    0.02  # chi-square above noise per sample, below which a slow fit is done; above it, a fresh Jacobian has to say so
-)
+AS_PROMISED = 0.15  # share by which a step may gain other than the Jacobian said
+OLD, OWN, FRESH = 0, 1, 2  # a Jacobian by Broyden's updates, with the terms' own columns by differences, or all of it
 DAMPING = 0.03  # of the first step, over the chi-square above noise: a resonance far off is not reached in one stride
 
 
@@ -81,7 +80,8 @@ class Hypothesis:
             c = coordinates[k]
             if c.kind == "cos":
                 a, b = float(x[k]) * c.scale, float(x[k + 1]) * c.scale
-                values[c.names[0]], values[c.names[1]] = float(np.hypot(a, b)), float(np.arctan2(b, a))
+                values[c.names[0]] = min(float(np.hypot(a, b)), c.upper * c.scale)
+                values[c.names[1]] = float(np.arctan2(b, a))
                 k += 1
             elif c.kind == "log":
                 values[c.names[0]] = c.start * float(np.exp(x[k]))
@@ -245,24 +245,24 @@ def fit(
     most: int = 30,
     fresh_most: int = 100,
 ) -> Fit | None:
-    """Levenberg-Marquardt inside bounds; Broyden's update where a step came as promised, fresh differences where not.
+    """Levenberg-Marquardt inside bounds; Broyden's update where a step came as promised, differences where not: first
+    of the terms' own columns, which are few and bend most, then of all.
 
     x, jacobian: where to start, and an approximate Jacobian there (rows, len(x)). settled: chi-square below which a
-    further step is not worth
-    its run; roughly: the same as a share of what is above noise. fresh_most: Jacobians
-    by differences at most. None: the start cannot be simulated.
+    further step is not worth its run; roughly: the same as a share of what is above noise. fresh_most: Jacobians by
+    differences at most. None: the start cannot be simulated.
     """
     coordinates = hypothesis.coordinates
     lower, upper = np.array([c.lower for c in coordinates]), np.array([c.upper for c in coordinates])
     prior = np.where([c.kind == "base" for c in coordinates], PRIOR, 1e-9)
+    own = [k for k, c in enumerate(coordinates) if c.kind != "base"]
     at = np.clip(hypothesis.start() if x is None else x, lower, upper)
     base = problem.simulate([hypothesis.run(at)])[0]
     if base is None:
         return None
     residual = problem.recorded - base.white
     cost = float(residual @ residual + prior @ at**2)
-    fresh = jacobian is None
-    J = difference(problem, hypothesis, at, base) if jacobian is None else jacobian
+    J, age = (difference(problem, hypothesis, at, base), FRESH) if jacobian is None else (jacobian, OLD)
     damping = DAMPING * max(cost - problem.samples, 0.0)
     for step_number in range(1, most + 1):  # noqa: B007 - the last one is told below
         if J is None:
@@ -275,31 +275,56 @@ def fit(
         rest = problem.recorded - found.white if found is not None else residual
         new = float(rest @ rest + prior @ trial**2) if found is not None else np.inf
         gained = cost - new
+        youngest = FRESH if fresh_most > 0 else OWN if own else OLD  # that can be had
         if found is None or gained <= 0:
             if promised < settled:
                 break
-            if fresh:
-                damping = max(5 * damping, 1e-2 * max(cost - problem.samples, settled))
-            elif fresh_most > 0:
-                J, fresh, fresh_most = difference(problem, hypothesis, at, base), True, fresh_most - 1
-            else:
+            if age < youngest:
+                J, age, fresh_most = _renewed(problem, hypothesis, at, base, J, own, age, fresh_most)
+            elif age == OLD:
                 break
+            else:
+                damping = max(5 * damping, 1e-2 * max(cost - problem.samples, settled))
             continue
-        moved, by_differences = trial - at, fresh
+        moved, used = trial - at, age
         J = J + np.outer(found.white - base.white - J @ moved, moved) / float(moved @ moved)
-        at, base, residual, cost, fresh = trial, found, rest, new, False
+        at, base, residual, cost, age = trial, found, rest, new, OLD
         above = max(cost - problem.samples, 0.0)
         slow = gained < max(settled, roughly * above)
-        if slow and (by_differences or fresh_most == 0 or above < NEAR * problem.samples):
+        if slow and used >= youngest:
             break
         kept = gained / promised
-        damping *= 0.15 if kept > 0.7 else 0.5 if kept > 0.4 else 1.5
-        far = slow or kept < 0.5 or gained > 0.3 * max(above, settled)
-        if far and fresh_most > 0:
-            J, fresh, fresh_most = difference(problem, hypothesis, at, base), True, fresh_most - 1
+        damping *= 0.01 if abs(kept - 1) < AS_PROMISED else 0.15 if kept > 0.7 else 0.5 if kept > 0.4 else 1.5
+        if slow or kept < 1 - AS_PROMISED:
+            if slow and used == OWN and fresh_most > 0:
+                age = OWN  # own columns have been renewed, and that was not enough
+            J, age, fresh_most = _renewed(problem, hypothesis, at, base, J, own, age, fresh_most)
     if J is None:
         return None
-    return Fit(hypothesis, at, float(residual @ residual), residual, base, J, fresh, step_number)
+    return Fit(hypothesis, at, float(residual @ residual), residual, base, J, age == FRESH, step_number)
+
+
+def _renewed(
+    problem: Problem,
+    hypothesis: Hypothesis,
+    x: Vector,
+    base: Simulated,
+    J: Vector,
+    own: Sequence[int],
+    age: int,
+    fresh_most: int,
+) -> tuple[Vector | None, int, int]:
+    """(Jacobian, its age, fresh ones left): the next younger one of an old Jacobian; itself where none is left."""
+    if age == OLD and own:
+        columns = difference(problem, hypothesis, x, base, own)
+        if columns is None:
+            return None, OLD, fresh_most
+        J = J.copy()
+        J[:, own] = columns
+        return J, OWN, fresh_most
+    if fresh_most > 0:
+        return difference(problem, hypothesis, x, base), FRESH, fresh_most - 1
+    return J, age, fresh_most
 
 
 def tolerances(problem: Problem, bounds: Mapping[str, tuple[float, float]]) -> tuple[Free, ...]:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
 from orchestrator.diagnosis.diagnosis import Candidate
-from orchestrator.diagnosis.fit import Active, Fit, Hypothesis, difference, fit
+from orchestrator.diagnosis.fit import PRIOR, Active, Fit, Hypothesis, difference, fit
 from orchestrator.diagnosis.problem import Problem, Vector
 from orchestrator.diagnosis.scan import Column, Scan, Score, scores
+from orchestrator.diagnosis.store import Store
 
 EVIDENCE = 500.0  # chi-square that a term must take; 99 % of healthy draws: below 17 (docs/diagnosis-calibration.md)
 LEADERS = 4  # of a scan's ranking that are fitted with everything else free
@@ -20,6 +21,8 @@ ALIKE = 30.0  # chi-square by which a term's fit may be worse and still not be t
 ALIKE_SHARE = 0.05  # the same, as a share of what the best fit leaves
 SIZES = (0.3, 1.0, 3.0, 10.0)  # multiples of the score test's amplitude that a fit may start from
 NEEDLESS = 0.02  # of what an earlier term took, that it must still take beside a later one
+CLEARLY = 10.0  # times what is needed, by the fit's own Jacobian: no fit without the term has to ask
+POINTED = 8  # terms that are looked at again after the first was added
 RIVAL = 0.3  # of the best promise, that another term's promise must have to be tried against it
 WORTH = 0.1  # of what the re-fit leaves above noise, that a term must take where a campaign says what to look at
 ROUGHLY = 0.01  # precision of fits that only compete, as a share of what is above noise
@@ -43,58 +46,107 @@ class Naming:
     fit: Fit
     named: list[Named]
     ranking: list[list[Candidate]]
-    columns: list[Column]
     history: list[Fit]  # the base model, then after every term
+
+
+@dataclass
+class Progressed:
+    """Naming so far: what a later round goes on from."""
+
+    history: list[Fit]  # the base model, then after every term
+    named: list[Named] = field(default_factory=list)
+    ranking: list[list[Candidate]] = field(default_factory=list)
+    probe: dict[str, float] = field(default_factory=dict)  # of the scan
+    twins: dict[str, str] = field(default_factory=dict)
+    done: bool = False
 
 
 class Namer:
     """Adds terms to a calibrated base model."""
 
-    def __init__(self, problem: Problem, scan: Scan, progress: Progress) -> None:
+    def __init__(self, problem: Problem, scan: Scan, progress: Progress, store: Store | None = None) -> None:
         self.problem = problem
         self.scan = scan
         self.progress = progress
+        self.store = store or Store(None)
+        self._columns: list[Column] = []  # at the base model
 
-    def name(self, calibrated: Fit) -> Naming:
-        """From the base model up."""
-        best, history = calibrated, [calibrated]
-        named: list[Named] = []
-        ranking: list[list[Candidate]] = []
-        columns: list[Column] = []
-        while len(best.hypothesis.active) < MOST_TERMS and self.unexplained(best):
-            self.progress(f"scan {len(ranking) + 1}: every term that the units know")
-            columns = self.scan.columns(best, skip=[a.term.name for a in best.hypothesis.active])
+    def name(self, calibrated: Fit, basis: object = None) -> Naming:
+        """From the base model up. basis: what, beside the store's own, the result depends on."""
+        so_far = Progressed([calibrated])
+        while not so_far.done and len(so_far.history[-1].hypothesis.active) < MOST_TERMS:
+            so_far = self.store.remember(
+                f"naming-{len(so_far.ranking) + 1}", (basis, self._trail(so_far)), partial(self.round, so_far)
+            )
+            self.scan.probe, self.scan.twins = dict(so_far.probe), dict(so_far.twins)
+        return Naming(so_far.history[-1], so_far.named, so_far.ranking, so_far.history)
+
+    @staticmethod
+    def _trail(so_far: Progressed) -> list[tuple[str, float]]:
+        return [(n.term, n.gain) for n in so_far.named]
+
+    def round(self, so_far: Progressed) -> Progressed:
+        """One term more, or done."""
+        best = so_far.history[-1]
+        if not self.unexplained(best):
+            return replace(so_far, done=True)
+        number = len(so_far.ranking) + 1
+        self.progress(f"scan {number}: every term that the units know")
+        ranked, found, winner = self.search(so_far.history)
+        ranking = [*so_far.ranking, [Candidate(s.term.name, s.gain, dict(s.values), s.onset) for s in ranked[:10]]]
+        so_far = replace(so_far, ranking=ranking, probe=dict(self.scan.probe), twins=dict(self.scan.twins))
+        if winner is None:
+            return replace(so_far, done=True)
+        gain = best.cost - winner.cost
+        term = winner.hypothesis.active[-1].term.name
+        alike = {n: f.cost - winner.cost for n, f in found.items() if n != term and self.as_good(f, winner)}
+        self.progress(f"{term} takes {gain:.0f} of {best.chi2 - self.problem.samples:.0f} above noise")
+        last, named = self.without_patches(winner, [*so_far.named, Named(term, gain, alike)])
+        history = [*so_far.history[: len(named)], last]
+        return replace(so_far, history=history, named=named)
+
+    def search(self, history: Sequence[Fit]) -> tuple[list[Score], dict[str, Fit], Fit | None]:
+        """(ranking, fits of the leaders, the best of them if the evidence demands it).
+
+        After the first term the leaders are those that the base model's sensitivities point to; all terms are looked
+        at again where these lead nowhere.
+        """
+        best = history[-1]
+        active = {a.term.name for a in best.hypothesis.active}
+        ranked: list[Score] = []
+        found: dict[str, Fit] = {}
+        for only in (self.pointed_to(history, active), None) if active else (None,):
+            columns = self.scan.columns(best, skip=active, only=only)
+            if not active:
+                self._columns = columns
             ranked = scores(self.problem, best, columns)
-            ranking.append([Candidate(s.term.name, s.gain, dict(s.values), s.onset) for s in ranked[:10]])
             found = self.compete(best, ranked)
-            if not found:
-                break
-            winner = min(found, key=lambda name: found[name].cost)
-            gain = best.cost - found[winner].cost
-            if gain < EVIDENCE:
-                break
-            alike = {
-                n: f.cost - found[winner].cost
-                for n, f in found.items()
-                if n != winner and self.as_good(f, found[winner])
-            }
-            self.progress(f"{winner} takes {gain:.0f} of {best.chi2 - self.problem.samples:.0f} above noise")
-            best, named = self.without_patches(found[winner], [*named, Named(winner, gain, alike)])
-            history = [*history[: len(named)], best]
-        return Naming(best, named, ranking, columns, history)
+            winner = min(found.values(), key=lambda f: f.cost, default=None)
+            if winner is not None and best.cost - winner.cost >= EVIDENCE:
+                return ranked, found, winner
+        return ranked, found, None
+
+    def pointed_to(self, history: Sequence[Fit], active: Collection[str]) -> set[str]:
+        """Terms that lead by the base model's sensitivities."""
+        self._columns = self._columns or self.scan.columns(history[0])
+        ranked = scores(self.problem, history[-1], [c for c in self._columns if c.term.name not in active])
+        return {s.term.name for s in ranked[:POINTED]}
 
     def without_patches(self, best: Fit, named: list[Named]) -> tuple[Fit, list[Named]]:
         """Without earlier terms that the last one made needless: what stood in for it while it was off."""
         for term in named[:-1]:
+            needed = max(EVIDENCE, NEEDLESS * term.gain)
+            if loss_without(best, term.term) > CLEARLY * needed:
+                continue
             kept = tuple(a for a in best.settled().active if a.term.name != term.term)
             less = replace(best.settled(), active=kept)
             names = [c.names[0] for c in less.coordinates]
             columns = [k for k, c in enumerate(best.hypothesis.coordinates) if c.names[0] in names]
             found = fit(
                 self.problem, less, base_start(less, best), _settled_jacobian(best)[:, columns],
-                settled=20.0, roughly=ROUGHLY, most=8, fresh_most=2,
+                settled=20.0, roughly=ROUGHLY, most=8, fresh_most=1,
             )  # fmt: skip
-            if found is not None and found.cost - best.cost < max(EVIDENCE, NEEDLESS * term.gain):
+            if found is not None and found.cost - best.cost < needed:
                 self.progress(f"{term.term} is no longer needed")
                 best, named = found, [n for n in named if n is not term]
         return best, named
@@ -127,13 +179,13 @@ class Namer:
             return {}
         lowest = min(f.cost for f in fits.values())
         near = {n: f for n, f in fits.items() if f.cost - lowest < 0.3 * max(best.cost - lowest, 0.0)}
-        polished = {n: fit_on(self.problem, f, settled=3.0, roughly=0.002) or f for n, f in near.items()}
+        polished = {n: fit_on(self.problem, f, settled=10.0, roughly=0.002) or f for n, f in near.items()}
         return dict(sorted(polished.items(), key=lambda item: item[1].cost))
 
     def with_best_onset(self, best: Fit, active: Active) -> Fit | None:
         """The term from the start, and, where the score test says so, from later on: the better fit of both."""
         active = self.sized(best, active)
-        rough = partial(fit_added, self.problem, best, most=8, fresh=2, settled=20.0, roughly=ROUGHLY)
+        rough = partial(fit_added, self.problem, best, most=12, fresh=0, settled=20.0, roughly=ROUGHLY)
         always = rough(replace(active, onset=None))
         if active.onset is None or (
             always is not None and self.problem.excess(always.residual) < 5 * self.problem.excess_scatter
@@ -193,6 +245,20 @@ class Namer:
         return fit_on(self.problem, best, settled=5.0, roughly=ROUGHLY, most=4) or best
 
 
+def loss_without(best: Fit, name: str) -> float:
+    """Chi-square that a fit would lose without that term, all else re-fitted, by its Jacobian."""
+    coordinates = best.hypothesis.coordinates
+    term = next(a.term for a in best.hypothesis.active if a.term.name == name)
+    amplitude = [k for k, c in enumerate(coordinates) if c.names[0] == term.amplitude]
+    shapes = {s.name for s in term.shapes}
+    free = [k for k, c in enumerate(coordinates) if c.names[0] not in shapes]
+    J, x = best.jacobian[:, free], best.x[amplitude]
+    weight = np.where([coordinates[k].kind == "base" for k in free], PRIOR, 1e-9)
+    own = [free.index(k) for k in amplitude]
+    spread = np.linalg.pinv(J.T @ J + np.diag(weight))[np.ix_(own, own)]
+    return float(x @ np.linalg.pinv(spread) @ x)
+
+
 def replace_last(hypothesis: Hypothesis, active: Active) -> Hypothesis:
     """The hypothesis with another last term."""
     return replace(hypothesis, active=(*hypothesis.active[:-1], active))
@@ -208,7 +274,8 @@ def base_start(hypothesis: Hypothesis, best: Fit) -> Vector:
 
 def fit_on(problem: Problem, found: Fit, *, settled: float, roughly: float = 0.0, most: int = 12) -> Fit | None:
     """The same hypothesis, fitted on from where it stands."""
-    return fit(problem, found.hypothesis, found.x, found.jacobian, settled=settled, roughly=roughly, most=most)
+    hypothesis, x, J = found.hypothesis, found.x, found.jacobian
+    return fit(problem, hypothesis, x, J, settled=settled, roughly=roughly, most=most, fresh_most=1)
 
 
 def fit_added(

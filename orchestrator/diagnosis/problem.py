@@ -111,16 +111,20 @@ class Problem:
             stacked[block.rows] = white * block.weight
         return stacked
 
-    def simulate(self, runs: Sequence[Run], base: Simulated | None = None) -> list[Simulated | None]:
+    def simulate(
+        self, runs: Sequence[Run], base: Simulated | None = None, only: Sequence[int | None] = ()
+    ) -> list[Simulated | None]:
         """Every run in every recording; None where a simulation failed.
 
-        base: a run from which `runs` differ only in `touches`.
+        base: a run from which `runs` differ only in `touches`. only: with a base, per run the one recording that is
+        simulated; the others stay as in the base.
         """
         jobs = [
             (k, n)
             for k, run in enumerate(runs)
             for n, recording in enumerate(self.recordings)
             if base is None or not run.touches or any(self.plant.has(t, recording) for t in run.touches)
+            if not only or only[k] in (None, n)
         ]
         outputs: list[list[Signals | None]] = [
             list(base.outputs) if base else [None] * len(self.recordings) for _ in runs

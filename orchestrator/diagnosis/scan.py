@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 
@@ -16,6 +16,7 @@ from orchestrator.diagnosis.problem import Problem, Run, Vector
 
 SEGMENTS = 16  # of a run; an effect may set in at each of their borders
 ORDERS = 3  # whole orders per term that are simulated, of those that the residual's own order spectrum shows
+PROMISING = 0.01  # of the best gain at middle shapes, that a term needs for its other shapes to be simulated
 RESPONSE = 0.3  # rms over noise that a probing amplitude should cause
 LATE = 60.0  # chi-square by which setting in later must beat being there from the start
 TWINS = 0.9995  # cosine above which two units' terms of one name are one
@@ -63,16 +64,21 @@ class Scan:
         self.probe: dict[str, float] = {}
         self.twins: dict[str, str] = {}  # term -> term of the same name in another unit that responds alike
 
-    def columns(self, fit: Fit, skip: Sequence[str] = ()) -> list[Column]:
-        """One run per scanned shape (two per pair)."""
+    def columns(self, fit: Fit, skip: Collection[str] = (), only: Collection[str] | None = None) -> list[Column]:
+        """One run per scanned shape (two per pair); other than middle shapes only where the term shows.
+
+        only: the terms to look at, and their twins; None: all.
+        """
         terms = [
             t
             for t in self.terms
-            if t.name not in skip and any(self.problem.plant.has(t.name, r) for r in self.problem.recordings)
+            if t.name not in skip
+            and (only is None or any(name in only for name in self.alike(t.name)))
+            and any(self.problem.plant.has(t.name, r) for r in self.problem.recordings)
         ]
         self._adapt([t for t in terms if t.name not in self.probe], fit)
         orders = self._orders(fit, [t for t in terms if any(s.whole for s in t.shapes)])
-        first = {t.name: next(iter(_shapes(t, orders))) for t in terms}
+        first = {t.name: _middle(t, orders) for t in terms}
         families: dict[str, list[TermCandidate]] = {}
         for term in terms:
             families.setdefault(term.name.split(".")[1], []).append(term)
@@ -88,7 +94,15 @@ class Scan:
                 and _cosine(by_term[name][0], by_term[leader.name][0]) > TWINS
             ):
                 self.twins[name] = leader.name
-        rest = [(t, s) for t in terms if t.name not in self.twins for s in _shapes(t, orders) if s != first[t.name]]
+        gains = {s.term.name: s.gain for s in scores(self.problem, fit, found)}
+        least = PROMISING * max(gains.values(), default=0.0)
+        rest = [
+            (t, s)
+            for t in terms
+            if t.name not in self.twins and (gains.get(t.name, 0.0) >= least or any(s.whole for s in t.shapes))
+            for s in _shapes(t, orders)
+            if s != first[t.name]
+        ]
         for column in self._run(fit, rest):
             by_term.setdefault(column.term.name, []).append(column)
         for name, leader_name in self.twins.items():
@@ -104,6 +118,11 @@ class Scan:
                     for c in by_term[leader_name]
                 ]
         return [c for columns in by_term.values() for c in columns]
+
+    def alike(self, name: str) -> set[str]:
+        """A term and its twins in other units."""
+        leader = self.twins.get(name, name)
+        return {leader, *(t for t, other in self.twins.items() if other == leader)}
 
     def _run(self, fit: Fit, wanted: Sequence[tuple[TermCandidate, Mapping[str, float]]]) -> list[Column]:
         runs = [run for term, shape in wanted for run in _probes(fit.run, term, shape, self.probe[term.name])]
@@ -122,23 +141,41 @@ class Scan:
         return self.probe
 
     def _adapt(self, terms: Sequence[TermCandidate], fit: Fit) -> None:
-        """Amplitudes whose responses are well above rounding and still small."""
+        """Amplitudes whose responses are well above rounding and still small.
+
+        One recording says it, unless the term does not show there.
+        """
         trial = {t.name: min(FIRST.get(t.unit, 1e-6), 0.5 * (t.upper - t.neutral)) for t in terms}
+        one = {t.name: self._fullest(t) for t in terms}
         left = list(terms)
         for _ in range(6):
-            runs = [next(iter(_probes(fit.run, t, next(iter(_shapes(t, {}))), trial[t.name]))) for t in left]
+            runs = [next(iter(_probes(fit.run, t, _middle(t, {}), trial[t.name]))) for t in left]
             again = []
-            for term, found in zip(left, self.problem.simulate(runs, fit.simulated), strict=True):
+            simulated = self.problem.simulate(runs, fit.simulated, [one[t.name] for t in left])
+            for term, found in zip(left, simulated, strict=True):
                 size = np.sqrt(np.mean((found.white - fit.simulated.white) ** 2)) if found else np.inf
+                if size < 1e-3:
+                    one[term.name] = None
                 if 0.03 <= size <= 30 or (size < 0.03 and trial[term.name] >= 0.4 * (term.upper - term.neutral)):
                     continue
                 factor = 1e-3 if not np.isfinite(size) else 1e3 if size < 1e-3 else float(RESPONSE / size)
                 trial[term.name] = min(trial[term.name] * factor, 0.5 * (term.upper - term.neutral))
-                again.append(term)
+                if not 0.03 < factor < 30:  # else: in proportion
+                    again.append(term)
             left = again
             if not left:
                 break
         self.probe |= trial
+
+    def _fullest(self, term: TermCandidate) -> int | None:
+        """The first recording of those that have most components, the term's among them."""
+        there = [n for n, r in enumerate(self.problem.recordings) if self.problem.plant.has(term.name, r)]
+        components = {t.component for t in self.terms}
+        return max(
+            there,
+            key=lambda n: sum(self.problem.plant.has(c, self.problem.recordings[n]) for c in components),
+            default=None,
+        )
 
     def _orders(self, fit: Fit, terms: Sequence[TermCandidate]) -> dict[str, list[float]]:
         """Shape -> the whole orders whose order spectrum stands out, over the angles that the term's unit knows."""
@@ -315,6 +352,12 @@ def _shapes(term: TermCandidate, orders: Mapping[str, Sequence[float]]) -> list[
         return [{s.name: (0.0 if s.name.endswith(".t_0") else 1e6) for s in term.shapes}]
     choices = [orders.get(s.name, s.values) for s in term.shapes]
     return [dict(zip([s.name for s in term.shapes], values, strict=True)) for values in product(*choices)]
+
+
+def _middle(term: TermCandidate, orders: Mapping[str, Sequence[float]]) -> dict[str, float]:
+    """The combination in the middle."""
+    shapes = _shapes(term, orders)
+    return shapes[len(shapes) // 2]
 
 
 def _same_shapes(a: TermCandidate, b: TermCandidate) -> bool:

@@ -1,0 +1,178 @@
+"""Campaigns with known answers: the units themselves, off inside tolerances, with terms on, noise and rounding."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.signal import lfilter
+
+from orchestrator.diagnosis.campaign import Campaign
+from orchestrator.diagnosis.fit import PRIOR, Active, Fit, Hypothesis, difference, tolerances
+from orchestrator.diagnosis.plant import Plant, ScannedShape, Signals, TermCandidate
+from orchestrator.diagnosis.problem import Noise, Problem, Run
+from orchestrator.diagnosis.recording import Recording
+from orchestrator.diagnosis.scan import Scan
+
+COLOURS = (0.0, 0.3, 0.5, 0.8)  # of the torque channel; the others are white
+SIZES = (5.0, 1000.0)  # root of the chi-square that a re-fit leaves of an effect: drawn between, even in its logarithm
+LATE = 0.2  # of the effects set in during the runs
+TIMED = (0.05, 0.25)  # of a run, that an episode lasts
+
+
+@dataclass(frozen=True)
+class Concealed:
+    """What a drawn campaign conceals."""
+
+    active: Active
+    size: float  # root of the chi-square that a linear re-fit leaves of it
+
+    def to_json(self) -> dict[str, Any]:
+        """As `effects` of an answers.json, without the twins."""
+        return {
+            "name": self.active.term.name,
+            "onset_s": self.active.onset or 0.0,
+            "parameters": dict(self.active.values),
+            "chi_after_refit": self.size,
+        }
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A campaign, its noise colour and its answer."""
+
+    campaign: Campaign
+    colour: float
+    effects: tuple[Concealed, ...]
+
+
+class Concealer:
+    """Draws campaigns after the pattern of one, which lends set-ups, inputs, channels and tolerances.
+
+    seconds: length of every run; the inputs are played faster, so that every regime is still passed.
+    """
+
+    def __init__(self, pattern: Campaign, plant: Plant, seconds: float | None = None) -> None:
+        self.pattern = replace(pattern, recordings=[_shortened(r, seconds) for r in pattern.train])
+        self.plant = plant
+        self.bounds = {n: t.bounds(plant.parameters[n].nominal) for n, t in pattern.tolerances.items()}
+
+    def draw(self, rng: np.random.Generator, effects: int) -> Drawn:
+        """A campaign with so many effects, of different terms."""
+        campaign = replace(self.pattern, recordings=[_varied(r, rng) for r in self.pattern.recordings])
+        colour = float(rng.choice(COLOURS))
+        noise = {name: _noise(campaign, name, colour) for name in campaign.outputs}
+        problem = Problem(self.plant, campaign.recordings, noise)
+        hypothesis = Hypothesis(tolerances(problem, self.bounds))
+        x = np.clip(rng.normal(0, 0.5, len(hypothesis.coordinates)), -1, 1)
+        base = problem.simulate([hypothesis.run(x)])[0]
+        if base is None:
+            raise RuntimeError("the system cannot be simulated at the parameters drawn")
+        J = difference(problem, hypothesis, x, base)
+        assert J is not None
+        healthy = Fit(hypothesis, x, 0.0, problem.recorded - base.white, base, J, True, 0)
+        concealed: list[Concealed] = []
+        terms = [t for t in self.plant.terms if any(self.plant.has(t.name, r) for r in campaign.recordings)]
+        while len(concealed) < effects:
+            term = terms[rng.integers(len(terms))]
+            if term.name.split(".")[1] not in {c.active.term.name.split(".")[1] for c in concealed}:
+                concealed.append(self._effect(problem, healthy, term, rng))
+        run = _with(healthy.run, [c.active for c in concealed])
+        outputs = problem.outputs(run)
+        recordings = [_noisy(r, o, noise, rng) for r, o in zip(campaign.recordings, outputs, strict=True)]
+        return Drawn(replace(campaign, recordings=recordings), colour, tuple(concealed))
+
+    def _effect(self, problem: Problem, healthy: Fit, term: TermCandidate, rng: np.random.Generator) -> Concealed:
+        """A term at a drawn shape and onset, as large as the size drawn; less where it cannot be."""
+        length = float(problem.times().max())
+        values = {s.name: _shape(s, rng) for s in term.shapes}
+        onset = float(rng.uniform(0.2, 0.7) * length) if rng.random() < LATE else None
+        for name in values:
+            if name.endswith(".t_0"):
+                values[name], onset = float(rng.uniform(0.1, 0.7) * length), None
+            elif name.endswith(".T_d"):
+                values[name] = float(rng.uniform(*TIMED) * length)
+        if term.phase:
+            values[term.phase] = float(rng.uniform(0, 2 * np.pi))
+        wanted = float(np.exp(rng.uniform(*np.log(SIZES))))
+        step = Scan(problem, [term]).probes(healthy)[term.name] * (-1 if term.lower < 0 and rng.random() < 0.5 else 1)
+        active = Active(
+            term, {**values, term.amplitude: float(np.clip(term.neutral + step, term.lower, term.upper))}, onset
+        )
+        for _ in range(4):  # in proportion, again where the response bends
+            size = _size(problem, healthy, active)
+            step = step * float(np.clip(wanted / max(size, 1e-3), 1e-3, 1e3))
+            amplitude = float(np.clip(term.neutral + step, term.lower, term.upper))
+            last, active = active, replace(active, values={**active.values, term.amplitude: amplitude})
+            if abs(size / wanted - 1) < 0.2 or amplitude == last.values[term.amplitude]:
+                break
+        return Concealed(active, _size(problem, healthy, active))
+
+
+def _size(problem: Problem, healthy: Fit, active: Active) -> float:
+    """Root of the chi-square that a linear re-fit leaves of the effect; 0 where it cannot be simulated."""
+    found = problem.simulate([_with(healthy.run, [active])], healthy.simulated)[0]
+    if found is None:
+        return 0.0
+    effect, J = found.white - healthy.simulated.white, healthy.jacobian
+    x = np.linalg.solve(J.T @ J + PRIOR * np.eye(J.shape[1]), J.T @ effect)
+    rest = effect - J @ x
+    return float(np.sqrt(rest @ rest + PRIOR * x @ x))
+
+
+def _with(run: Run, active: Sequence[Active]) -> Run:
+    values, onsets = dict(run.values), {}
+    for a in active:
+        values |= a.values
+        if a.onset is not None:
+            onsets[a.term.amplitude] = a.onset
+    touches = (active[0].term.component,) if len(active) == 1 else ()
+    return Run(values, onsets, run.added, touches)
+
+
+def _shape(shape: ScannedShape, rng: np.random.Generator) -> float:
+    """Anywhere in the scanned range, not on the scan's own grid."""
+    low, high = min(shape.values), max(shape.values)
+    if shape.whole:
+        return float(rng.integers(int(low), int(high) + 1))
+    return float(np.exp(rng.uniform(np.log(low), np.log(high)))) if shape.logarithmic else float(rng.uniform(low, high))
+
+
+def _shortened(recording: Recording, seconds: float | None) -> Recording:
+    if seconds is None:
+        return recording
+    step, begin = recording.step, float(recording.time[0])
+    time = begin + step * np.arange(round(seconds / step) + 1, dtype=np.float64)
+    played = begin + (time - begin) * (recording.time[-1] - begin) / (time[-1] - begin)
+    inputs = {name: np.interp(played, recording.time, u) for name, u in recording.inputs.items()}
+    return replace(
+        recording, time=time, inputs=inputs, outputs={name: np.zeros(len(time)) for name in recording.outputs}
+    )
+
+
+def _varied(recording: Recording, rng: np.random.Generator) -> Recording:
+    """Inputs scaled, so that no two campaigns are the same experiment."""
+    inputs = {name: float(rng.uniform(0.8, 1.0)) * u for name, u in recording.inputs.items()}
+    return replace(recording, inputs=inputs)
+
+
+def _noise(campaign: Campaign, name: str, colour: float) -> Noise:
+    """The logger's, with rounding; coloured is what is said to be: the torque."""
+    logged = campaign.logged[name]
+    step = logged.step or 0.0
+    sigma = float(np.hypot(logged.noise or 1.0, step / np.sqrt(12)))
+    return Noise(sigma, colour if logged.unit == "N.m" else 0.0, step)
+
+
+def _noisy(recording: Recording, outputs: Signals, noise: Mapping[str, Noise], rng: np.random.Generator) -> Recording:
+    found = {}
+    for name in recording.outputs:
+        n, y = noise[name], outputs[name]
+        sigma = np.sqrt(max(n.sigma**2 - n.step**2 / 12, 0.0))
+        first = rng.normal(0, sigma)  # so that the noise is stationary from the first sample on
+        drawn = np.concatenate([[first], np.sqrt(1 - n.colour**2) * rng.normal(0, sigma, len(y) - 1)])
+        y = y + lfilter([1.0], [1.0, -n.colour], drawn)
+        found[name] = n.step * np.round(y / n.step) if n.step else y
+    return replace(recording, outputs=found)

@@ -1,0 +1,73 @@
+"""Campaigns with known answers, and what is counted on them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from orchestrator.diagnosis.calibration import fitted_confidence, judge, tables
+from orchestrator.diagnosis.campaign import Logged
+from orchestrator.diagnosis.concealed import SIZES, Concealer, Drawn
+from orchestrator.diagnosis.engine import diagnose_plant
+from tests.orchestrator.diagnosis.axis import NOISE, Axis, campaign
+
+LOGGED = {"w": Logged(unit="N.m", causality="output", noise=NOISE)}
+
+
+def drawn(seed: int, effects: int) -> tuple[Drawn, Axis]:
+    axis = Axis()
+    pattern = replace(campaign({}), logged=LOGGED)  # type: ignore[arg-type]
+    return Concealer(pattern, axis).draw(np.random.default_rng(seed), effects), axis
+
+
+def test_a_drawn_campaign_conceals_as_many_effects_as_asked_for_in_the_sizes_allowed() -> None:
+    for seed in range(6):
+        found, _ = drawn(seed, 2)
+        assert len({c.active.term.name for c in found.effects}) == 2
+        assert all(0 < c.size < 1.3 * SIZES[1] for c in found.effects)
+
+
+def test_the_same_seed_draws_the_same_campaign() -> None:
+    one, other = drawn(3, 1)[0], drawn(3, 1)[0]
+    assert one.effects == other.effects
+    assert np.array_equal(one.campaign.train[0].outputs["w"], other.campaign.train[0].outputs["w"])
+
+
+def test_a_drawn_campaign_is_judged_by_what_it_conceals() -> None:
+    for seed in range(4):
+        found, axis = drawn(seed, 1)
+        row = judge(found, diagnose_plant(found.campaign, axis))
+        effect = row["effects"][0]
+        said = {f["term"] for f in row["findings"]}
+        assert effect["named"] == (effect["name"] in said) or len(said) > 1
+        assert all(f["true"] == (f["term"] == effect["name"]) for f in row["findings"])
+
+
+def test_a_large_effect_of_the_axis_is_named() -> None:
+    rows = []
+    for seed in range(8):
+        found, axis = drawn(seed, 1)
+        if found.effects[0].size > 60:
+            rows.append(judge(found, diagnose_plant(found.campaign, axis)))
+    assert len(rows) >= 2
+    assert all(row["effects"][0]["named"] for row in rows)
+
+
+def test_confidences_are_fitted_to_counts() -> None:
+    rng = np.random.default_rng(0)
+    x = rng.normal(size=(4000, 4))
+    odds = 1.5 - 1.0 * x[:, 1]
+    true = rng.random(4000) < 1 / (1 + np.exp(-odds))
+    rows = [
+        {"findings": [{"features": list(f), "true": bool(t), "confidence": 0.9}], "effects": [], "colour": 0.0}
+        for f, t in zip(x, true, strict=True)
+    ]
+    assert fitted_confidence(rows) == pytest.approx([1.5, 0.0, -1.0, 0.0, 0.0], abs=0.15)
+
+
+def test_the_tables_count_claims_on_healthy_campaigns() -> None:
+    finding = {"term": "axis.windage", "gain": 1e3, "features": [0.0] * 4, "confidence": 0.9, "true": False}
+    rows = [{"effects": [], "findings": f, "colour": 0.0} for f in ([], [], [finding])]
+    assert "| all | 3 | 1 |" in tables(rows)

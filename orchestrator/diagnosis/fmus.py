@@ -15,12 +15,11 @@ from orchestrator.cosim import Simulation
 from orchestrator.cosim.instances import SimulationError as UnitError
 from orchestrator.diagnosis.plant import Parameter, Port, ScannedShape, Signals, SimulationError, TermCandidate
 from orchestrator.diagnosis.recording import Recording
-from orchestrator.diagnosis.simulate import _variable as variable_of
-from orchestrator.system.model import Component, Connection, Connector, Inputs, System
+from orchestrator.diagnosis.simulate import run_beside
+from orchestrator.system.model import Component, Connection, Connector, System
 from orchestrator.units import Shape, Term, Unit
 
 ADDITIVE = "_add"  # how the name of an additive input ends
-SCHEME = "adaptive"  # coupling errors a hundredth of a logger's noise, at reversals too
 
 
 class FmuPlant:
@@ -61,27 +60,13 @@ class FmuPlant:
         signals: Sequence[str] = (),
     ) -> Signals:
         """See Plant.simulate."""
-        system = self.systems[recording.setup]
-        onsets = onsets or {}
-        start = {name: value for name, value in values.items() if name not in onsets}
-        start |= {variable_of(system, name): value for name, value in recording.initial.items()}
-        begin = float(recording.time[0])
-        events = sorted((begin + t, {name: values[name]}) for name, t in onsets.items())
         with self._simulation(recording.setup) as simulation:
             try:
-                result = simulation.run(
-                    Inputs(recording.time, {**recording.inputs, **(added or {})}),
-                    float(recording.time[-1]),
-                    start_time=begin,
-                    scheme=None if system.default_experiment.scheme else SCHEME,
-                    output_step=recording.step,
-                    parameters=start,
-                    parameter_events=events,
-                    record=[*recording.outputs, *signals],
+                return run_beside(
+                    simulation, recording, values, onsets=onsets, added=added, record=[*recording.outputs, *signals]
                 )
             except UnitError as error:
                 raise SimulationError(f"{recording.name}: {error}") from error
-        return dict(result.signals)
 
     @contextmanager
     def _simulation(self, setup: str) -> Iterator[Simulation]:

@@ -2,27 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orchestrator.cosim import SCHEMES, Scheme, Simulation
+from orchestrator.cosim import Simulation
 from orchestrator.diagnosis.recording import Recording
 from orchestrator.errors import UserError, among
 from orchestrator.system.model import Inputs, System, Value
 
-# Reversals of a healthy campaign with its true parameters, whose noise is 4.01 mA; rms of recording - simulation of the
-# current: 4.64 mA with steps of 0.5 ms, 4.03 mA with 0.2 ms, 4.01 mA with 0.1 ms and with adaptive steps, which take
-# 2.5 times as long: impacts in the gearhead's gap.
-FINE = replace(SCHEMES["gauss_seidel_extrapolated"], step=1e-4)
 
+def run_beside(
+    simulation: Simulation,
+    recording: Recording,
+    values: Mapping[str, Value],
+    *,
+    onsets: Mapping[str, float] | None = None,
+    added: Mapping[str, NDArray[np.float64]] | None = None,
+    record: Sequence[str],
+) -> dict[str, NDArray[np.float64]]:
+    """`record` at the recording's time, each (n,), coupled as the system says, else by the default scheme.
 
-def coupling(system: System) -> Scheme | None:
-    """How a diagnosis steps a system: finely, unless the system says how it wants to be coupled."""
-    return None if system.default_experiment.scheme else FINE
+    values: `component.variable` -> value over the system's own. onsets: of these, s since the recording's first sample
+    from which they hold. added: further inputs, (n,) each. UserError: a name or value is wrong. SimulationError (of
+    cosim): a unit fails.
+    """
+    onsets = onsets or {}
+    time = recording.time - recording.time[0]  # what fades or warms up does so from the run's beginning
+    events = [(t, {name: values[name]}) for name, t in onsets.items() if name in values]
+    start = {name: value for name, value in values.items() if name not in onsets}
+    start |= {_variable(simulation.system, name): value for name, value in recording.initial.items()}
+    result = simulation.run(
+        Inputs(time, {**recording.inputs, **(added or {})}),
+        float(time[-1]),
+        output_step=recording.step,
+        parameters=start,
+        parameter_events=sorted(events, key=lambda event: event[0]),
+        record=record,
+    )
+    return dict(result.signals)
 
 
 class Simulator:
@@ -62,19 +82,8 @@ class Simulator:
         if recording.setup not in self._loaded:
             self._loaded[recording.setup] = Simulation(system)
         there = {n: v for n, v in self.values.items() if any(n.startswith(f"{c.name}.") for c in system.components)}
-        start = {n: v for n, v in there.items() if n not in self.onsets}
-        start |= {_variable(system, name): value for name, value in recording.initial.items()}
-        result = self._loaded[recording.setup].run(
-            Inputs(recording.time, recording.inputs),
-            float(recording.time[-1]),
-            start_time=float(recording.time[0]),
-            scheme=coupling(system),
-            output_step=recording.step,
-            parameters=start,
-            parameter_events=sorted((t, {n: there[n]}) for n, t in self.onsets.items() if n in there),
-            record=list(recording.outputs),
-        )
-        return {name: result.signals[name] for name in recording.outputs}
+        simulation = self._loaded[recording.setup]
+        return run_beside(simulation, recording, there, onsets=self.onsets, record=list(recording.outputs))
 
 
 def _variable(system: System, name: str) -> str:

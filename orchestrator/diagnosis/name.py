@@ -25,6 +25,7 @@ CLEARLY = 10.0  # times what is needed, by the fit's own Jacobian: no fit withou
 POINTED = 8  # terms that are looked at again after the first was added
 RIVAL = 0.3  # of the best promise, that another term's promise must have to be tried against it
 WORTH = 0.1  # of what the re-fit leaves above noise, that a term must take where a campaign says what to look at
+ONSET = 1e-3  # s; to which an onset is refined
 ROUGHLY = 0.01  # precision of fits that only compete, as a share of what is above noise
 
 Progress = Callable[[str], None]
@@ -224,7 +225,7 @@ class Namer:
         if active.onset is None:
             return found
         best, width = found, float(self.problem.times().max()) / 32
-        while width > 0.01:
+        while width > ONSET:
             settled = best.settled()
             centre = settled.active[-1].onset or 0.0
             trials = [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-
 from orchestrator.diagnosis.problem import BLOCK, Problem, Vector
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Literal
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -35,10 +36,10 @@ REFITS = 4  # steps at most
 
 @dataclass(frozen=True)
 class Shown:
-    """A unit's signal that a recorded channel shows: as it is, or as its derivative."""
+    """A unit's signal that a recorded channel shows: read from it, equal as long as nothing is off, or its integral."""
 
     channel: str
-    integral: bool
+    how: Literal["read", "equal", "integral"]
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,7 @@ def shown_signals(problem: Problem, setup: str, system: System, simulated: Seque
     """
     runs = [(r, s) for r, s in zip(problem.recordings, simulated, strict=True) if r.setup == setup]
     channels = dict.fromkeys(c for r, _ in runs for c in r.outputs)
+    before = influences(system)
     found = {}
     for signal in wire_signals(system):
         for channel in channels:
@@ -90,13 +92,13 @@ def shown_signals(problem: Problem, setup: str, system: System, simulated: Seque
             if not any(np.std(s[channel]) > sigma for _, s in having):
                 continue  # a channel that rests looks like anything that rests
             if all(_rms(s[signal] - s[channel]) < SAME * sigma for _, s in having):
-                found[signal] = Shown(channel, False)
+                found[signal] = Shown(channel, "read" if signal in _path(signal, channel, before) else "equal")
             elif all(
                 _rms(s[signal] - s[signal][0] - _integral(s[channel], r.step))
                 < SAME * sigma * np.sqrt(r.step * (r.time[-1] - r.time[0]))
                 for r, s in having
             ):
-                found.setdefault(signal, Shown(channel, True))
+                found.setdefault(signal, Shown(channel, "integral"))
     return found
 
 
@@ -152,9 +154,14 @@ def _part(
 
 def _read(signal: str, shown: Shown, before: Influences) -> set[str]:
     """Outputs of units between a signal and the channel that shows it."""
+    path = _path(signal, shown.channel, before)
+    return path if shown.how == "equal" else {s for s in path if unit_of(s) != unit_of(signal)}
+
+
+def _path(signal: str, channel: str, before: Influences) -> set[str]:
+    """Outputs of units behind a channel, back to the first ones of the signal's unit."""
     own = [s for s in before if unit_of(s) == unit_of(signal)]
-    path = {s for s in behind([shown.channel], before, own) if "." in s and s in before}
-    return path - set(own) if signal in path or shown.integral else path
+    return {s for s in behind([channel], before, own) if "." in s and s in before}
 
 
 def _cut_system(system: System, units: Collection[str], cut: Collection[str], channels: Collection[str]) -> System:
@@ -254,7 +261,7 @@ def _driven(
         inputs = {name: x for name, x in recording.inputs.items() if name in part.system.inputs}
         for signal in (name for name in part.system.inputs if name in shown):
             smooth = gaussian_filter1d(np.nan_to_num(besides[shown[signal].channel]), SMOOTHED)
-            smooth = _integral(smooth, recording.step) if shown[signal].integral else smooth
+            smooth = _integral(smooth, recording.step) if shown[signal].how == "integral" else smooth
             inputs[signal] = simulated[signal] + smooth
         outputs = {c: simulated[c] + besides[c] for c in part.channels}
         found.append(replace(recording, inputs=inputs, outputs=outputs))

@@ -63,7 +63,7 @@ def test_a_unit_whose_inputs_are_not_recorded_is_said_not_to_be_replayed_alone()
     found = located({})
     assert "planetary_gear.tau" in found.not_alone["motor_bldc"]
     assert "mr_brake_belt" not in found.not_alone  # the sensor's torque is recorded
-    assert any(s.startswith("motor_bldc cannot be replayed alone: ") for s in found.words)
+    assert any(s.startswith("motor_bldc cannot be replayed alone: ") for s in found.words["components"])
 
 
 def test_what_lies_behind_a_known_signal_is_not_needed() -> None:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import pytest
 
+from orchestrator.diagnosis.compare import VARIANTS, Comparison
+from orchestrator.diagnosis.conditioning import assess
 from orchestrator.diagnosis.influence import behind, influences
 from orchestrator.diagnosis.located import Located, locate_difference
+from orchestrator.diagnosis.report import ReportData, render
 from orchestrator.system.read import load_system
-from tests.orchestrator.diagnosis.bench import calibrated
+from tests.orchestrator.diagnosis.bench import NOISE, UNITS, calibrated
 
 UPSTREAM = {"motor_bldc", "planetary_gear", "acquisition"}
 DOWNSTREAM = {"planetary_gear", "torque_sensor", "mr_brake_belt", "acquisition"}
@@ -73,3 +76,15 @@ def test_what_lies_behind_a_known_signal_is_not_needed() -> None:
     driven = behind(["i_motor"], before, ["torque_sensor.tau_s"])
     assert "planetary_gear.tau" in driven
     assert "mr_brake_belt.w_p" not in driven
+
+
+def test_the_report_shows_part_by_part_what_is_off_and_when() -> None:
+    with calibrated({"motor_bldc.stribeck.tau_S": 3e-3}) as (problem, fit):
+        found = locate_difference(problem, fit).to_json()
+        runs = problem.outputs(fit.run)
+    compared = [Comparison(r, dict.fromkeys(VARIANTS, run)) for r, run in zip(problem.recordings, runs, strict=True)]
+    channels = {name: {"noise": sigma, "train": dict.fromkeys(VARIANTS, sigma)} for name, sigma in NOISE.items()}
+    content = {"verdict": "undecided", "findings": [], "channels": channels, "calibrated": {}, "located": found}
+    text = render(ReportData("friction", content, compared, {n: assess(runs[0][n]) for n in NOISE}, UNITS))
+    for part in ("Part by part", "Regime by regime", "When: loaded", "When: no_load", "cannot be replayed alone"):
+        assert part in text

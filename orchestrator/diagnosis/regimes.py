@@ -67,7 +67,7 @@ def regimes(problem: Problem, gain: Vector, signals: Sequence[Mapping[str, Vecto
     gain: what is above noise, (rows,). signals: by recording, name -> (n,).
     """
     sums = np.concatenate([_sums(gain[b.rows]) for b in problem.blocks])
-    total = float(sums.sum())
+    total = float(sums.sum()) or 1.0
     found: dict[str, list[Regime]] = {}
     seen: list[NDArray[np.intp]] = []
     for variable, at, levels in _variables(problem, signals):

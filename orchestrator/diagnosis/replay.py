@@ -23,10 +23,11 @@ from orchestrator.diagnosis.influence import Influences, behind, influences
 from orchestrator.diagnosis.plant import Signals
 from orchestrator.diagnosis.problem import BLOCK, Noise, Problem, Simulated, Vector
 from orchestrator.diagnosis.recording import Recording
+from orchestrator.diagnosis.simulate import _variable as variable_of
 from orchestrator.system.model import Connection, Connector, System
 
 SAME = 0.1  # of a channel's noise, rms: a signal nearer to it than that is what the channel shows
-SMOOTHED = 3.0  # samples, sigma of the Gaussian that takes noise from what drives a part
+SMOOTHED = 1.0  # samples, sigma of what takes noise from a drive; 3 hide the edges of excess backlash from the motor
 DRAWS = 3  # of noise, which say how far a healthy part comes off because its driving signal carries noise
 OFF = 6.0  # sigma
 SURE = 0.1  # to which share that is known, as noise is not quite what it was estimated to be
@@ -52,6 +53,7 @@ class Part:
     read: frozenset[str]  # outputs of units through which these were read
     channels: tuple[str, ...]
     system: System  # the cut one
+    whole: System
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -149,6 +151,7 @@ def _part(
         frozenset(read),
         tuple(channels),
         _cut_system(system, units, cut, channels) if driven else system,
+        system,
     )
 
 
@@ -231,13 +234,15 @@ def _refitted(problem: Problem, inner: Problem, fitted: Fit, part: Part) -> dict
 def suspects(replayed: Sequence[Replayed]) -> tuple[str, ...]:
     """Units in which a single difference could lie: part of all that is off, by an output that nothing clears.
 
-    A part that is not off clears the outputs it is computed from. Empty: nothing is off, or no single unit explains it.
+    A part that is not off clears the outputs it is computed from, in its set-up: another one asks other things of them.
+    Empty: nothing is off, or no single unit explains it.
     """
-    off = [r.part for r in replayed if r.off]
-    cleared = {s for r in replayed if not r.off for s in r.part.signals}
-    left = [{unit_of(s) for s in (part.signals | part.read) - cleared} for part in off]
-    order = dict.fromkeys(name for part in off for name in part.units)
-    return tuple(name for name in order if all(name in units for units in left))
+    left: list[set[str]] = []
+    for part in (r.part for r in replayed if r.off):
+        clear = {s for r in replayed if not r.off and r.part.setup == part.setup for s in r.part.signals}
+        left.append({unit_of(s) for s in (part.signals | part.read) - clear})
+    order = dict.fromkeys(name for r in replayed for name in r.part.units)
+    return tuple(name for name in order if left and all(name in units for units in left))
 
 
 def not_alone(part: Part, shown: Mapping[str, Shown]) -> dict[str, tuple[str, ...]]:
@@ -264,7 +269,9 @@ def _driven(
             smooth = _integral(smooth, recording.step) if shown[signal].how == "integral" else smooth
             inputs[signal] = simulated[signal] + smooth
         outputs = {c: simulated[c] + besides[c] for c in part.channels}
-        found.append(replace(recording, inputs=inputs, outputs=outputs))
+        start = {variable_of(part.whole, name): value for name, value in recording.initial.items()}
+        initial = {name: value for name, value in start.items() if unit_of(name) in part.units}
+        found.append(replace(recording, inputs=inputs, outputs=outputs, initial=initial))
     return found
 
 

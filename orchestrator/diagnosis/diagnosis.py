@@ -129,6 +129,7 @@ class Diagnosis:
     onsets: dict[str, float] = field(default_factory=dict)
     ranking: list[list[Candidate]] = field(default_factory=list)  # one per round
     channels: dict[str, dict[str, Any]] = field(default_factory=dict)
+    located: dict[str, Any] = field(default_factory=dict)  # where the difference lies, before it is named
     next_experiment: str | None = None
     notes: list[str] = field(default_factory=list)
     structure: dict[str, float] = field(default_factory=dict)  # chi-square above noise, before and after
@@ -148,6 +149,7 @@ class Diagnosis:
                 "calibrated": {name: e.to_json() for name, e in self.calibrated.items()},
                 "repaired": {name: e.to_json() for name, e in self.repaired.items()},
                 "channels": self.channels,
+                "located": self.located,
                 "next_experiment": self.next_experiment,
                 "notes": self.notes,
                 "structure": self.structure,

@@ -16,6 +16,7 @@ from orchestrator.diagnosis.experiment import next_experiment
 from orchestrator.diagnosis.fit import Fit, Hypothesis, fit, tolerances
 from orchestrator.diagnosis.fmus import FmuPlant
 from orchestrator.diagnosis.locate import locate
+from orchestrator.diagnosis.located import locate_difference
 from orchestrator.diagnosis.name import Named, Namer, prune, worth_naming
 from orchestrator.diagnosis.plant import Plant
 from orchestrator.diagnosis.problem import Noise, Problem
@@ -72,6 +73,7 @@ def diagnose_plant(
     naming = store.remember("naming", basis, lambda: _name(problem, calibrated, say, store, basis, campaign.terms))
     say("writing down what was found")
     found = _answer(problem, naming)
+    found.located = locate_difference(problem, calibrated).to_json()
     found.seconds = time.monotonic() - begun
     return found
 

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from orchestrator.diagnosis.fit import Active, Fit
+from orchestrator.diagnosis.fmus import FmuPlant
+from orchestrator.diagnosis.located import labelled, variables
+from orchestrator.diagnosis.located_words import condition
 from orchestrator.diagnosis.problem import Problem, Run, Vector
+from orchestrator.diagnosis.regimes import densest, regimes
 
-REGIMES = 4  # by size of a channel: standstill, low, middle, high
-NAMES = ("near zero", "low", "middle", "high")
+NAMED = 3  # regimes that the words name
 
 
 def locate(problem: Problem, fit: Fit, active: Active) -> tuple[dict[str, Any], str]:
@@ -19,11 +23,15 @@ def locate(problem: Problem, fit: Fit, active: Active) -> tuple[dict[str, Any], 
     without = problem.simulate([Run(off, fit.run.onsets, fit.run.added)], None)[0]
     if without is None:
         return {}, ""
-    return locate_gain(problem, (problem.recorded - without.white) ** 2 - fit.residual**2)
+    names, _ = variables(problem, problem.plant.systems if isinstance(problem.plant, FmuPlant) else {})
+    signals = labelled(problem, problem.outputs(fit.run, list(names)), names)
+    return locate_gain(problem, (problem.recorded - without.white) ** 2 - fit.residual**2, signals)
 
 
-def locate_gain(problem: Problem, gain: Vector) -> tuple[dict[str, Any], str]:
-    """The same from the gain per row, (rows,)."""
+def locate_gain(
+    problem: Problem, gain: Vector, signals: Sequence[Mapping[str, Vector]] | None = None
+) -> tuple[dict[str, Any], str]:
+    """The same from the gain per row, (rows,). signals: by recording what regimes are of; None: what was recorded."""
     total = float(gain.sum()) or 1.0
     by_recording: dict[str, float] = {}
     by_channel: dict[str, float] = {}
@@ -36,7 +44,9 @@ def locate_gain(problem: Problem, gain: Vector) -> tuple[dict[str, Any], str]:
     number = next(n for n, r in enumerate(problem.recordings) if r.name == recording)
     rows = sum(gain[b.rows] for b in problem.blocks if b.recording == number)
     start, stop = _stretch(np.asarray(rows), problem.recordings[number].time)
-    regime = _regime(problem, number, np.asarray(rows))
+    levels = regimes(problem, gain, signals or labelled(problem, [r.outputs for r in problem.recordings], {}))
+    told = [r for name, found in levels.items() if name not in ("recording", "channel") and (r := densest(found))]
+    regime = ", ".join(condition(r) for r in told[:NAMED]) or "anything goes on"
     channel = max(by_channel, key=lambda name: by_channel[name])
     where = {
         "recording": recording,
@@ -45,10 +55,11 @@ def locate_gain(problem: Problem, gain: Vector) -> tuple[dict[str, Any], str]:
         "time": [start, stop],
         "by_recording": {name: round(share, 3) for name, share in by_recording.items()},
         "by_channel": {name: round(share, 3) for name, share in by_channel.items()},
+        "by_regime": [r.to_json() for r in told],
     }
     words = (
         f"{100 * by_recording[recording]:.0f} % of the evidence is in {recording}, most of it in {channel}, "
-        f"{regime}, densest from {start:.1f} to {stop:.1f} s"
+        f"where {regime}, densest from {start:.1f} to {stop:.1f} s"
     )
     return where, words
 
@@ -63,20 +74,3 @@ def _stretch(gain: Vector, time: Vector, share: float = 0.5) -> tuple[float, flo
         if reach <= len(sums) and reach - first < best[1] - best[0]:
             best = (first, int(reach))
     return float(time[edges[best[0]]]), float(time[min(edges[best[1]], len(time) - 1)])
-
-
-def _regime(problem: Problem, number: int, gain: Vector) -> str:
-    """Where the gain per sample is densest: each channel's size and direction, in words."""
-    recording, said = problem.recordings[number], []
-    for channel, y in recording.outputs.items():
-        size = np.abs(np.nan_to_num(y)) / (np.nanmax(np.abs(y)) + 1e-12)
-        level = np.minimum(np.searchsorted([0.05, 0.35, 0.7], size), REGIMES - 1)
-        counts = np.bincount(level, minlength=REGIMES)
-        density = np.bincount(level, weights=gain, minlength=REGIMES) / np.maximum(counts, 1)
-        density[counts < 0.01 * len(y)] = 0.0
-        said.append(f"{channel} {NAMES[int(np.argmax(density))]}")
-        if channel == next(iter(recording.outputs)):
-            forward, back = (float(gain[s].sum()) for s in (y > 0, y < 0))
-            ratio = forward / max(forward + back, 1e-9)
-            said.append("forwards" if ratio > 0.75 else "backwards" if ratio < 0.25 else "both directions")
-    return ", ".join(said)

@@ -83,7 +83,7 @@ def before_and_after(d: Mapping[str, Any]) -> Picture:
     return Picture(
         "Before and after",
         "Root mean square of recording − simulation, in units of the logger's noise; 1 (dotted) is as good as it gets.",
-        _html(figure),
+        as_html(figure),
     )
 
 
@@ -111,7 +111,7 @@ def residuals(c: Comparison, quality: Mapping[str, ChannelQuality], units: Mappi
     figure.update_layout(height=110 + 130 * len(channels))
     role = "held out" if c.recording.role == "holdout" else "training"
     words = f"Recording − simulation, averaged over {AVERAGED} samples; the grey band is ±2 sigma of such an average."
-    return Picture(f"What remains: {c.recording.name} ({role})", words, _html(figure))
+    return Picture(f"What remains: {c.recording.name} ({role})", words, as_html(figure))
 
 
 def closer_look(c: Comparison, noise: Mapping[str, float], units: Mapping[str, str]) -> Picture:
@@ -141,7 +141,7 @@ def closer_look(c: Comparison, noise: Mapping[str, float], units: Mapping[str, s
         f"{c.recording.name}, {start:.2f} to {stop:.2f} s, where the repair gains most, in {best}: dots are what the "
         "calibrated system misses, the line is what the repair adds, the grey band is ±2 sigma of the noise."
     )
-    return Picture("A closer look", words, _html(figure))
+    return Picture("A closer look", words, as_html(figure))
 
 
 def moving_average(x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -168,7 +168,7 @@ def shape_picture(f: Mapping[str, Any]) -> Picture:
     figure = go.Figure(curve.update(line_color=COLOUR["repaired"]))
     figure.update_layout(height=300, xaxis_title=signal, yaxis_title=f"{shape['port']} / {shape['unit']}")
     words = f"What has to be added at {shape['port']}, over {signal}."
-    return Picture(f"The shape of {f['term']}", words, _html(figure))
+    return Picture(f"The shape of {f['term']}", words, as_html(figure))
 
 
 def envelope(
@@ -208,7 +208,8 @@ def _has_table(f: Mapping[str, Any]) -> bool:
     return isinstance(f.get("shape"), Mapping) and isinstance(f["shape"].get("table"), Mapping)
 
 
-def _html(figure: go.Figure) -> str:
+def as_html(figure: go.Figure) -> str:
+    """With the report's look, without the script."""
     figure.update_layout(
         template="simple_white",
         margin={"l": 70, "r": 15, "t": 48, "b": 45},

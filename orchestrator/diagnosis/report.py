@@ -14,6 +14,7 @@ import jinja2
 from orchestrator.diagnosis import pictures
 from orchestrator.diagnosis.compare import Comparison
 from orchestrator.diagnosis.conditioning import ChannelQuality
+from orchestrator.diagnosis.located_pictures import located_pictures
 from orchestrator.diagnosis.store import write_atomically
 
 
@@ -66,6 +67,7 @@ def render(data: ReportData) -> str:
         calibrated=_parameters(d, data),
         tried=[(term, _title(term, data.terms), gain) for term, gain in data.tried],
         next_experiment=d.get("next_experiment"),
+        where=_where(d, data.compared),
         pictures=pictures.all_pictures(data.compared, d, data.quality, data.units),
         script=pictures.script(),
         recordings=[_recording(c) for c in data.compared],
@@ -154,6 +156,20 @@ def _finding(f: Mapping[str, Any], terms: Mapping[str, TermText]) -> dict[str, A
         "equivalent": [(term, _title(term, terms)) for term in f.get("equivalent") or []],
         "shape": _shape(f.get("shape")),
     }
+
+
+def _where(d: Mapping[str, Any], compared: Sequence[Comparison]) -> list[dict[str, Any]]:
+    """Headings, sentences and pictures of where the difference lies; empty where that was not asked."""
+    located = d.get("located")
+    if not located:
+        return []
+    noise = {name: c["noise"] for name, c in d["channels"].items()}
+    drawn = located_pictures(located, compared, noise)
+    headings = {"components": "By component", "isolability": "", "regimes": "By regime", "time": "By time"}
+    return [
+        {"heading": heading, "words": located["words"][key], "pictures": drawn[key]}
+        for key, heading in headings.items()
+    ]
 
 
 def _shape(shape: Mapping[str, Any] | None) -> str | None:

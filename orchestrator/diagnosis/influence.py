@@ -1,0 +1,53 @@
+"""Which signals of a system depend on which others, as wires and the units' ModelStructure say."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+from orchestrator.system.model import System
+from orchestrator.units import Unit
+
+Influences = Mapping[str, frozenset[str]]
+
+
+def influences(system: System) -> dict[str, frozenset[str]]:
+    """Output of a unit (`component.variable`) or of the system -> outputs of units and inputs of the system behind it.
+
+    One step: what its unit computes it from, through the wires at the unit's inputs.
+    """
+    source = {(c.sink_component, c.sink): _name(c.source_component, c.source) for c in system.connections}
+    found = {name: frozenset({source[None, name]}) for name in system.outputs if (None, name) in source}
+    for component in system.components:
+        for output, needed in _needs(component.unit).items():
+            wired = (source.get((component.name, name)) for name in needed)
+            found[f"{component.name}.{output}"] = frozenset(name for name in wired if name)
+    return found
+
+
+def has_memory(unit: Unit) -> bool:
+    """Whether a unit has states, as far as it says: an output that depends on no input, or does not say on which."""
+    return any(not unknown.dependencies for unknown in unit.description.outputs)
+
+
+def behind(names: Collection[str], behind_one: Influences, known: Collection[str] = ()) -> set[str]:
+    """`names` and everything that they depend on; what lies behind a `known` signal is not looked for."""
+    found, left = set(names), list(names)
+    while left:
+        new = behind_one.get(left.pop(), frozenset()) - found
+        found |= new
+        left += [name for name in new if name not in known]
+    return found
+
+
+def _needs(unit: Unit) -> dict[str, list[str]]:
+    """Output -> inputs that it depends on; through the states of a unit that has some, on all of them."""
+    inputs = [v.name for v in unit.variables.values() if v.causality == "input"]
+    memory = has_memory(unit)
+    return {
+        unknown.variable.name: inputs if memory else [v.name for v in unknown.dependencies or ()]
+        for unknown in unit.description.outputs
+    }
+
+
+def _name(component: str | None, variable: str) -> str:
+    return variable if component is None else f"{component}.{variable}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,7 @@ from orchestrator.diagnosis.name import EVIDENCE, Named, Naming
 from orchestrator.diagnosis.plant import Port
 from orchestrator.diagnosis.problem import Problem
 from orchestrator.diagnosis.response import Choice, Column, LeastSquares, equally_good, forward, refit, respond
+from orchestrator.diagnosis.scan import TWINS
 from orchestrator.diagnosis.table import Table, look_for_table
 
 REMAINDER = (
@@ -117,7 +118,7 @@ def _places(problem: Problem, start: Fit) -> list[Place]:
             columns = respond(problem, start, port, dictionary.first(dictionary.waves(start.residual)))
             points = LeastSquares(start, columns).gain(range(len(columns)))[0]
             places.append(Place(port, points, columns, forward(problem, start, columns)))
-    places.sort(key=lambda place: -place.points)
+    places = _without_twins(sorted(places, key=lambda place: -place.points))
     if any(p.choice is not None and p.choice.gain > ENOUGH * structure for p in places):
         return places
     for place in places[:2]:
@@ -126,6 +127,21 @@ def _places(problem: Problem, start: Fit) -> list[Place]:
             rest = respond(problem, start, place.port, dictionary.more(dictionary.waves(start.residual)))
             place.choice = forward(problem, start, [*place.columns, *rest])
     return places
+
+
+def _without_twins(places: Sequence[Place]) -> list[Place]:
+    """Of ports where the same signal does the same, the first."""
+    kept: list[Place] = []
+    for place in places:
+        if not any(p.port.unit == place.port.unit and _alike(p.columns, place.columns) for p in kept):
+            kept.append(place)
+    return kept
+
+
+def _alike(a: Sequence[Column], b: Sequence[Column]) -> bool:
+    """Whether a constant added at either port does the same to the residual."""
+    (u,), (v,) = ([c.vector for c in columns if c.form == "1"] for columns in (a, b))
+    return bool(abs(u @ v) > TWINS * np.linalg.norm(u) * np.linalg.norm(v))
 
 
 def _answer(

@@ -14,6 +14,7 @@ from orchestrator.errors import UserError
 FEATURES, SIGNALS, POINTS = 8, 4, 64  # what fmus/correction has room for
 FUNCTIONS = ("one", "u", "u2", "u3", "abs", "tanh", "sin", "cos", "exp", "gauss")
 NUMBER = {name: k for k, name in enumerate(FUNCTIONS, 1)}
+TIME = "t"
 SGN = 1e-3  # scale of a sign: its tanh is a step for every signal of a bench
 
 
@@ -31,31 +32,60 @@ def formula_parameters(
 ) -> tuple[dict[str, float], list[str]]:
     """Parameters of the correction unit for sum of coefficient*form, and the signals to wire to u1, u2, ...
 
-    Forms are products such as `sin(2*phi_b)*sgn(w_b)`, `w^2`, `tanh(w/0.5)`, `exp(-(i/2)^2)`. UserError: one that the
-    unit has no room for.
+    Forms are products such as `sin(2*phi_b)*sgn(w_b)`, `w^2`, `tanh(w/0.5)`, `exp(-(i/2)^2)`, `exp(-t/4)*w`; `t` is the
+    time, which needs no wire. UserError: a form that the unit has no room for.
     """
     products = [(coefficient, *parse(form)) for coefficient, form in terms]
-    signals = list(dict.fromkeys(f.signal for _, _, factors in products for f in factors))
-    if len(products) > FEATURES or len(signals) > SIGNALS:
+    slots = _slots([factors for _, _, factors in products])
+    if len(products) > FEATURES or len(slots) > SIGNALS:
         raise UserError(
-            f"a formula of {len(products)} terms in {', '.join(signals)} is given, "
+            f"a formula of {len(products)} terms in {', '.join(slots)} is given, "
             f"{FEATURES} terms in {SIGNALS} signals at most are allowed"
         )
     values: dict[str, float] = {"onset.t": onset} if onset else {}
+    values |= _clock(slots)
     for k, (coefficient, constant, factors) in enumerate(products, 1):
         values[f"feature{k}.A"] = coefficient * constant
-        if len({f.signal for f in factors}) < len(factors):
-            raise UserError(f"{terms[k - 1][1]!r}: two factors of one signal are given, one is allowed")
+        free = list(range(len(slots)))
         for factor in factors:
-            j = signals.index(factor.signal) + 1
-            values[f"feature{k}.f{j}"] = NUMBER[factor.function]
-            values[f"feature{k}.p{j}"] = factor.p
-    return values, signals
+            j = next(j for j in free if slots[j] == factor.signal)
+            free.remove(j)
+            values[f"feature{k}.f{j + 1}"] = NUMBER[factor.function]
+            values[f"feature{k}.p{j + 1}"] = factor.p
+    return values, [s for s in slots if s != TIME]
 
 
-def table_parameters(x: NDArray[np.float64], y: NDArray[np.float64], onset: float | None = None) -> dict[str, float]:
-    """Parameters for y over u1, linear between points, held outside; more points than the unit has room for are
-    resampled.
+def has_room(forms: Sequence[str]) -> bool:
+    """Whether the unit can compute their sum."""
+    return len(forms) <= FEATURES and len(_slots([parse(form)[1] for form in forms])) <= SIGNALS
+
+
+def _slots(products: Sequence[Sequence[Factor]]) -> list[str]:
+    """Signals by input of the unit: one that a product has twice takes two, the time comes last."""
+    slots: list[str] = []
+    for factors in products:
+        own = [f.signal for f in factors]
+        slots += [s for s in dict.fromkeys(own) for _ in range(own.count(s) - slots.count(s))]
+    return sorted(slots, key=lambda s: s == TIME)
+
+
+def _clock(slots: Sequence[str]) -> dict[str, float]:
+    return {"clock.u": slots.index(TIME) + 2} if TIME in slots else {}  # choices count from 1, the first is none
+
+
+def table_parameters(
+    signal: str,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    onset: float | None = None,
+    *,
+    period: float = 0.0,
+    factor: str = "",
+) -> tuple[dict[str, float], list[str]]:
+    """Parameters for factor*y(signal), linear between points, held outside, and the signals to wire to u1, u2.
+
+    factor: one function, such as `sgn(w)`. period: of a table over an angle. More points than the unit has room for
+    are resampled. UserError: no point is finite.
     """
     order = np.argsort(x)
     x, y = np.asarray(x, dtype=float)[order], np.asarray(y, dtype=float)[order]
@@ -69,7 +99,14 @@ def table_parameters(x: NDArray[np.float64], y: NDArray[np.float64], onset: floa
     names = [f"{row}{column}" for row in range(1, 9) for column in range(1, 9)]
     values: dict[str, float] = {"table.n": len(x)} | ({"onset.t": onset} if onset else {})
     values |= {f"table.x{name}": float(v) for name, v in zip(names, x, strict=False)}
-    return values | {f"table.y{name}": float(v) for name, v in zip(names, y, strict=False)}
+    values |= {f"table.y{name}": float(v) for name, v in zip(names, y, strict=False)}
+    values |= {"table.period": period} if period else {}
+    slots = [signal]
+    if factor:
+        _, (only,) = parse(factor)
+        values |= {"table.f2": NUMBER[only.function], "table.p2": only.p}
+        slots.append(only.signal)
+    return values | _clock(slots), [s for s in slots if s != TIME]
 
 
 def parse(form: str) -> tuple[float, list[Factor]]:
@@ -121,14 +158,15 @@ def _call(function: str, argument: ast.expr) -> Factor:
 
 
 def _decay(node: ast.expr) -> Factor:
-    """Of exp: -(w/p)^2 or -abs(w)/p"""
+    """Of exp: -(w/p)^2, -abs(w)/p or -t/p"""
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub) and isinstance(node.operand, ast.BinOp):
         if isinstance(node.operand.op, ast.Pow) and ast.literal_eval(node.operand.right) == 2:
             scale, signal = _scaled(node.operand.left)
             return Factor(signal, "gauss", 1 / abs(scale))
     elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div) and isinstance(node.left, ast.UnaryOp):
         factor = _factor(node.left.operand)
-        if factor.function == "abs" and isinstance(node.left.op, ast.USub):
+        falls = factor.function == "abs" or factor.signal == TIME  # time does not change its sign
+        if falls and isinstance(node.left.op, ast.USub):
             return Factor(factor.signal, "exp", float(ast.literal_eval(node.right)))
     raise ValueError(ast.dump(node))
 

@@ -41,7 +41,8 @@ class Form:
     """The shape of an unlisted effect.
 
     It enters at `port` (`component.variable`, an additive input, or the reading of a channel). A formula where one
-    holds up; the table is what the data give without one: `signal` (the component's own) against the port's value.
+    holds up; the table is what the data give without one: `signal` (the component's own, or the time `t`) against the
+    port's value.
     """
 
     port: str
@@ -52,6 +53,8 @@ class Form:
     explains: float  # share of the structure found that the form takes away
     signal: str = ""
     table: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+    period: float = 0.0  # of the table's signal: a turn, where it is an angle
+    factor: str = ""  # what multiplies the table: the sign of the speed, or nothing
 
     def to_json(self) -> dict[str, Any]:
         """As diagnosis.json has it."""
@@ -65,6 +68,7 @@ class Form:
         }
         if self.table is not None:
             found["table"] = {self.signal: self.table[0], "value": self.table[1]}
+            found |= {"period": self.period, "factor": self.factor}
         return found
 
 

@@ -131,7 +131,7 @@ def _answer(problem: Problem, naming: Naming) -> Diagnosis:
         repaired=repaired,
         onsets=onsets,
         ranking=naming.ranking,
-        next_experiment=next_experiment(problem, findings),
+        next_experiment=next_experiment(problem, findings, naming.fit),
         notes=notes,
         structure={"calibrated": problem.excess(naming.calibrated.residual), "repaired": left},
     )

@@ -42,7 +42,8 @@ def correction(number: int, finding: Mapping[str, Any]) -> Correction:
     elif shape.get("table"):
         (signal,) = (name for name in shape["table"] if name != "value")
         x, y = (np.array(shape["table"][name], dtype=float) for name in (signal, "value"))
-        parameters, signals = table_parameters(x, y, onset), [signal]
+        period, factor = shape.get("period", 0.0), shape.get("factor", "")
+        parameters, signals = table_parameters(signal, x, y, onset, period=period, factor=factor)
     else:
         raise UserError(f"{finding['term']}: a shape is given without formula and without table, one is needed")
     own = tuple(signal if "." in signal else f"{component}.{signal}" for signal in signals)

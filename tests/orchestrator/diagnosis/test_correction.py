@@ -26,6 +26,7 @@ from orchestrator.units import find_fmu, load_unit
         ("cos(phi)*abs(tau)", 1.0, [Factor("phi", "cos"), Factor("tau", "abs")]),
         ("exp(-(i/2)^2)", 1.0, [Factor("i", "gauss", 2.0)]),
         ("exp(-abs(w)/3)*sgn(w)", 1.0, [Factor("w", "exp", 3.0), Factor("w", "tanh", SGN)]),
+        ("exp(-t/4)*w", 1.0, [Factor("t", "exp", 4.0), Factor("w", "u")]),
         ("sin(24*mr_brake_belt.phi_b)", 1.0, [Factor("mr_brake_belt.phi_b", "sin", 24.0)]),
     ],
 )
@@ -80,7 +81,7 @@ def test_the_unit_computes_the_formula(
 def test_the_unit_computes_the_table_held_outside(tmp_path: Path, points: int) -> None:
     x = np.linspace(-1.5, 1.5, points)
     y = 0.4 * x - 0.1
-    values = table_parameters(x[::-1], y[::-1])
+    values, _ = table_parameters("a", x[::-1], y[::-1])
     u = 4 * T - 4
     y = computed(tmp_path, values, {"u1": u}, T)
     assert np.allclose(y, (0.4 * np.clip(u, -1.5, 1.5) - 0.1)[:-1], atol=1e-12)
@@ -88,9 +89,29 @@ def test_the_unit_computes_the_table_held_outside(tmp_path: Path, points: int) -
 
 def test_a_periodic_table_repeats(tmp_path: Path) -> None:
     x = np.linspace(0, 1, 33)
-    values = table_parameters(x, np.abs(x - 0.5)) | {"table.period": 1.0}
+    values, _ = table_parameters("a", x, np.abs(x - 0.5), period=1.0)
     u = 6 * T - 5.03
     assert np.allclose(computed(tmp_path, values, {"u1": u}, T), np.abs(u % 1 - 0.5)[:-1], atol=1e-12)
+
+
+def test_time_and_a_signal_that_a_product_has_twice_are_factors_like_others(tmp_path: Path) -> None:
+    values, signals = formula_parameters([(2.0, "exp(-t/0.5)*a"), (1.0, "exp(-abs(a)/2)*tanh(a/0.1)")])
+    assert signals == ["a", "a"]
+    a = np.sin(5 * T)
+    y = computed(tmp_path, values, {"u1": a, "u2": a}, T)
+    time = T[1:]  # the unit's own clock is not held
+    assert np.allclose(y, 2 * np.exp(-time / 0.5) * a[:-1] + np.exp(-np.abs(a) / 2)[:-1] * np.tanh(a / 0.1)[:-1])
+
+
+def test_a_table_takes_a_direction_and_may_be_over_time(tmp_path: Path) -> None:
+    values, signals = table_parameters("t", np.array([0.0, 2.0]), np.array([1.0, 3.0]), factor="sgn(w)")
+    assert signals == ["w"]
+    assert values["clock.u"] == 2
+    values, signals = table_parameters("a", np.array([0.0, 2.0]), np.array([1.0, 3.0]), factor="tanh(w/0.1)")
+    assert signals == ["a", "w"]
+    a, w = T, np.cos(3 * T)
+    y = computed(tmp_path, values, {"u1": a, "u2": w}, T)
+    assert np.allclose(y, (1 + a[:-1]) * np.tanh(w / 0.1)[:-1], atol=1e-12)
 
 
 def test_the_correction_is_added_to_what_passes_and_begins_at_its_onset(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ from orchestrator.diagnosis.campaign import load_campaign
 from orchestrator.diagnosis.concealed import COLOURS, Concealer, Drawn
 from orchestrator.diagnosis.confidence import INTERCEPT, features
 from orchestrator.diagnosis.diagnosis import Diagnosis
-from orchestrator.diagnosis.engine import diagnose_plant
+from orchestrator.diagnosis.engine import identify
 from orchestrator.diagnosis.fmus import FmuPlant
 from orchestrator.diagnosis.score import rate
 from orchestrator.system.read import load_system
@@ -66,7 +66,8 @@ def _chunk(pattern: Path, seconds: float, seed: int, ks: Sequence[int]) -> list[
             rng = np.random.default_rng((seed, k))
             drawn = concealer.draw(rng, int(rng.choice(len(EFFECTS), p=EFFECTS)))
             begun = time.process_time()
-            row = judge(drawn, diagnose_plant(drawn.campaign, plant))
+            _, _, found = identify(drawn.campaign, plant)
+            row = judge(drawn, found)
             rows.append({"k": k, **row, "seconds": round(time.process_time() - begun, 1)})
         return rows
 

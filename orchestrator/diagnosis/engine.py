@@ -59,6 +59,24 @@ def diagnose_plant(
     """`diagnose` with any simulator."""
     begun = time.monotonic()
     say, store = progress or (lambda words: None), store or Store(None)
+    problem, naming, found = identify(campaign, plant, progress=say, store=store)
+    basis = (found.calibrated, found.repaired, [f.term for f in found.findings])
+    say("locating the difference")
+    found.located = store.remember("located", basis, lambda: locate_difference(problem, naming.calibrated).to_json())
+    if found.findings:
+        say("looking for the experiment that would tell more")
+    found.next_experiment = store.remember(
+        "experiment", basis, lambda: next_experiment(problem, found.findings, naming.fit)
+    )
+    found.seconds = time.monotonic() - begun
+    return found
+
+
+def identify(
+    campaign: Campaign, plant: Plant, *, progress: Progress | None = None, store: Store | None = None
+) -> tuple[Problem, Naming, Diagnosis]:
+    """What is missing, without where it shows in the recordings and what would tell more."""
+    say, store = progress or (lambda words: None), store or Store(None)
     problem = Problem(plant, campaign.train, noises(campaign))
     bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
     say("re-fitting the base model inside its tolerances")
@@ -72,10 +90,7 @@ def diagnose_plant(
     basis = (*told, *campaign.terms)
     naming = store.remember("naming", basis, lambda: _name(problem, calibrated, say, store, basis, campaign.terms))
     say("writing down what was found")
-    found = _answer(problem, naming)
-    found.located = locate_difference(problem, calibrated).to_json()
-    found.seconds = time.monotonic() - begun
-    return found
+    return problem, naming, _answer(problem, naming)
 
 
 def noises(campaign: Campaign) -> dict[str, Noise]:
@@ -131,7 +146,6 @@ def _answer(problem: Problem, naming: Naming) -> Diagnosis:
         repaired=repaired,
         onsets=onsets,
         ranking=naming.ranking,
-        next_experiment=next_experiment(problem, findings, naming.fit),
         notes=notes,
         structure={"calibrated": problem.excess(naming.calibrated.residual), "repaired": left},
     )

@@ -201,7 +201,7 @@ def _finding(
     return Finding(
         term=f"{port.component}.unlisted",
         equivalent=tuple(f"{c}.unlisted" for c in dict.fromkeys(p.component for p in alike)),
-        confidence=confidence(gained, max(problem.excess(found.residual), 0.0), count),
+        confidence=confidence(gained, max(problem.excess(found.residual), 0.0), count, unlisted=True),
         onset=None,
         parameters={},
         where=where,

@@ -113,6 +113,7 @@ def _name(problem: Problem, calibrated: Fit, say: Progress, store: Store, basis:
         raise UserError(f"terms: {unknown.pop()!r} is given, the system has {known}")
     namer = Namer(problem, Scan(problem, terms), say, store)
     listed = namer.name(calibrated, basis)
+    calibrated = listed.history[0]  # that of before, or a better one that naming came upon
     unlisted = None if only else look_for_unlisted(problem, calibrated, listed, say)
     best, named = (unlisted.fit, unlisted.named) if unlisted else (listed.fit, listed.named)
     if not unlisted:

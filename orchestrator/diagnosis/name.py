@@ -22,6 +22,7 @@ ALIKE_SHARE = 0.05  # the same, as a share of what the best fit leaves
 SIZES = (0.3, 1.0, 3.0, 10.0)  # multiples of the score test's amplitude that a fit may start from
 NEEDLESS = 0.02  # of what an earlier term took, that it must still take beside a later one
 CLEARLY = 10.0  # times what is needed, by the fit's own Jacobian: no fit without the term has to ask
+BEYOND_DOUBT = 100.0  # times the evidence, by the fit's own Jacobian: the fit before need not be tried once more
 POINTED = 8  # terms that are looked at again after the first was added
 RIVAL = 0.3  # of the best promise, that another term's promise must have to be tried against it
 WORTH = 0.1  # of what the re-fit leaves above noise, that a term must take where a campaign says what to look at
@@ -98,8 +99,16 @@ class Namer:
         so_far = replace(so_far, ranking=ranking, probe=dict(self.scan.probe), twins=dict(self.scan.twins))
         if winner is None:
             return replace(so_far, done=True)
-        gain = best.cost - winner.cost
         term = winner.hypothesis.active[-1].term.name
+        if loss_without(winner, term) < BEYOND_DOUBT * EVIDENCE:
+            again = self.without_last(best, winner)
+            if again is not None and again.cost < best.cost:
+                self.progress("the last fit had not come to its end")
+                best = again
+                so_far = replace(so_far, history=[*so_far.history[:-1], best])
+        gain = best.cost - winner.cost
+        if gain < EVIDENCE:
+            return replace(so_far, done=len(ranking) > MOST_TERMS)
         alike = {n: f.cost - winner.cost for n, f in found.items() if n != term and self.as_good(f, winner)}
         self.progress(f"{term} takes {gain:.0f} of {best.chi2 - self.problem.samples:.0f} above noise")
         last, named = self.without_patches(winner, [*so_far.named, Named(term, gain, alike)])
@@ -132,6 +141,22 @@ class Namer:
         self._columns = self._columns or self.scan.columns(history[0])
         ranked = scores(self.problem, history[-1], [c for c in self._columns if c.term.name not in active])
         return {s.term.name for s in ranked[:POINTED]}
+
+    def without_last(self, best: Fit, winner: Fit) -> Fit | None:
+        """What went before, fitted from where the winner has it, its last term's share taken over by the others.
+
+        A fit that ended early leaves room for a term that only helps it on.
+        """
+        coordinates = winner.hypothesis.coordinates
+        names = {c.names[0] for c in best.hypothesis.coordinates}
+        kept = [k for k, c in enumerate(coordinates) if c.names[0] in names]
+        amplitude = winner.hypothesis.active[-1].term.amplitude
+        last = [k for k, c in enumerate(coordinates) if c.names[0] == amplitude]
+        J, own = winner.jacobian[:, kept], winner.jacobian[:, last]
+        share = np.linalg.lstsq(J, own @ winner.x[last], rcond=1e-8)[0]
+        hypothesis = replace(winner.hypothesis, active=winner.hypothesis.active[:-1])
+        x = winner.x[kept] + share
+        return fit(self.problem, hypothesis, x, J, settled=10.0, roughly=0.002, most=15, fresh_most=2)
 
     def without_patches(self, best: Fit, named: list[Named]) -> tuple[Fit, list[Named]]:
         """Without earlier terms that the last one made needless: what stood in for it while it was off."""

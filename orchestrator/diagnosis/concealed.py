@@ -60,8 +60,11 @@ class Concealer:
         self.bounds = {n: t.bounds(plant.parameters[n].nominal) for n, t in pattern.tolerances.items()}
 
     def draw(self, rng: np.random.Generator, effects: int) -> Drawn:
-        """A campaign with so many effects, of different terms."""
-        campaign = replace(self.pattern, recordings=[_varied(r, rng) for r in self.pattern.recordings])
+        """A campaign with so many effects, of different terms, over all recordings but one where there are three."""
+        recordings = [_varied(r, rng) for r in self.pattern.recordings]
+        if len(recordings) > 2:
+            recordings.pop(rng.integers(len(recordings)))
+        campaign = replace(self.pattern, recordings=recordings)
         colour = float(rng.choice(COLOURS))
         noise = {name: _noise(campaign, name, colour) for name in campaign.outputs}
         problem = Problem(self.plant, campaign.recordings, noise)

@@ -24,7 +24,7 @@ Vector = NDArray[np.float64]
 
 
 def diagnose_response_campaign(path: Path, out: Path, *, progress: Progress | None = None) -> Outcome:
-    """Diagnose, repair, compare, report. diagnosis.json is written last; finished readings are kept in OUT/.work."""
+    """Diagnose, repair, compare, report. diagnosis.json is written last; until then finished readings are in OUT/.work."""
     response = load_response(path)
     store = Store(out / ".work", _basis(response))
     diagnosis, readings = diagnose_response(response, store, progress)
@@ -43,6 +43,7 @@ def diagnose_response_campaign(path: Path, out: Path, *, progress: Progress | No
     files = _pictures(response, readings, out)
     sentence = verdict_sentence(content, term_texts({"default": response.system}))
     write_json(out / "diagnosis.json", content)
+    store.clear()
     return Outcome(sentence, content, {CHANNEL: "1"}, [out / "diagnosis.json", out / "repaired.ssp", *files])
 
 

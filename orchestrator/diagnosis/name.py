@@ -76,7 +76,7 @@ class Namer:
     def name(self, calibrated: Fit, basis: object = None) -> Naming:
         """From the base model up. basis: what, beside the store's own, the result depends on."""
         so_far = Progressed([calibrated])
-        while not so_far.done and len(so_far.history[-1].hypothesis.active) < MOST_TERMS:
+        while not so_far.done and len(so_far.named) < MOST_TERMS and self.unexplained(so_far.history[-1]):
             so_far = self.store.remember(
                 f"naming-{len(so_far.ranking) + 1}", (basis, self._trail(so_far)), partial(self.round, so_far)
             )
@@ -90,8 +90,6 @@ class Namer:
     def round(self, so_far: Progressed) -> Progressed:
         """One term more, or done."""
         best = so_far.history[-1]
-        if not self.unexplained(best):
-            return replace(so_far, done=True)
         number = len(so_far.ranking) + 1
         self.progress(f"scan {number}: every term that the units know")
         ranked, found, winner = self.search(so_far.history)

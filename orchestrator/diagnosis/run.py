@@ -73,6 +73,7 @@ def diagnose_campaign(
     )
     write_report(out / "report.html", data)
     write_json(out / "diagnosis.json", content | {"provenance": dict(data.provenance)})
+    store.clear()
     files = [out / name for name in ("diagnosis.json", "report.html", "repaired.ssp", "fmus")]
     return Outcome(verdict_sentence(content, texts), content, units_of(campaign), files)
 

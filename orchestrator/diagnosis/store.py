@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -41,6 +42,11 @@ class Store:
         result = compute()
         write_atomically(path, lambda file: joblib.dump(result, file))
         return result
+
+    def clear(self) -> None:
+        """Forget everything: the answer is written, and what it went through takes more room than all the rest."""
+        if self.folder is not None:
+            shutil.rmtree(self.folder, ignore_errors=True)
 
 
 def write_atomically(path: Path, write: Callable[[Path], Any]) -> None:

@@ -19,6 +19,7 @@ from orchestrator.diagnosis.scan import Scan
 COLOURS = (0.0, 0.3, 0.5, 0.8)  # of the torque channel; the others are white
 SIZES = (5.0, 1000.0)  # root of the chi-square that a re-fit leaves of an effect: drawn between, even in its logarithm
 LATE = 0.2  # of the effects set in during the runs
+LEAST = 0.03  # of the amplitude that a scan probes with: far below it, some terms are no longer what they are
 TIMED = (0.05, 0.25)  # of a run, that an episode lasts
 
 
@@ -100,13 +101,15 @@ class Concealer:
         if term.phase:
             values[term.phase] = float(rng.uniform(0, 2 * np.pi))
         wanted = float(np.exp(rng.uniform(*np.log(SIZES))))
-        step = Scan(problem, [term]).probes(healthy)[term.name] * (-1 if term.lower < 0 and rng.random() < 0.5 else 1)
+        probed = Scan(problem, [term]).probes(healthy)[term.name]
+        step = probed * (-1 if term.lower < 0 and rng.random() < 0.5 else 1)
         active = Active(
             term, {**values, term.amplitude: float(np.clip(term.neutral + step, term.lower, term.upper))}, onset
         )
         for _ in range(4):  # in proportion, again where the response bends
             size = _size(problem, healthy, active)
             step = step * float(np.clip(wanted / max(size, 1e-3), 1e-3, 1e3))
+            step = float(np.sign(step)) * max(abs(step), LEAST * probed)
             amplitude = float(np.clip(term.neutral + step, term.lower, term.upper))
             last, active = active, replace(active, values={**active.values, term.amplitude: amplitude})
             if abs(size / wanted - 1) < 0.2 or amplitude == last.values[term.amplitude]:

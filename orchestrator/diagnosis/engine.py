@@ -83,7 +83,7 @@ def identify(
     base = Hypothesis(tolerances(problem, bounds))
     told = tuple((name, c.noise, c.colour) for name, c in campaign.logged.items() if c.colour is not None)
     calibrated = store.remember(
-        "calibrated", told, lambda: fit(problem, base, settled=10.0, roughly=CALIBRATION, fresh_most=2)
+        "calibrated", told, lambda: fit(problem, base, settled=10.0, roughly=CALIBRATION, fresh_most=8)
     )
     if calibrated is None:
         raise RuntimeError("the system cannot be simulated with its nominal parameters on these recordings")

@@ -10,7 +10,7 @@ import numpy as np
 
 from orchestrator.diagnosis.diagnosis import Finding
 from orchestrator.diagnosis.excitation import DURATION, experiments
-from orchestrator.diagnosis.fit import PRIOR, STEP, Active, Fit
+from orchestrator.diagnosis.fit import PRIOR, Active, Fit
 from orchestrator.diagnosis.plant import TermCandidate
 from orchestrator.diagnosis.problem import Problem, Run, Vector
 
@@ -80,7 +80,7 @@ class Bench:
         self.range = {s: max(float(np.ptp(o[s])) for o in self.there if s in o) for s in self.signals}
         self.new = [s for s in self.signals if self.range[s] > 0 and not self._logged_already(s)]
         self.effect = self._differences(run, 1.0)
-        self.base = [self._differences(moved, STEP) for moved in self._moved(self.without)]
+        self.base = [self._differences(moved, self.problem.step) for moved in self._moved(self.without)]
 
     def separations(self, rival: TermCandidate) -> dict[str, dict[str, float]]:
         """Experiment -> additional channel ("": none) -> chi-square that the rival, re-fitted, leaves of the term."""
@@ -105,7 +105,7 @@ class Bench:
     def _moved(self, run: Run) -> Iterator[Run]:
         """Every re-fittable parameter by a step of its tolerance."""
         for f in self.free:
-            value = run.values[f.parameter.name] + STEP * (f.upper - f.lower) / 2
+            value = run.values[f.parameter.name] + self.problem.step * (f.upper - f.lower) / 2
             yield replace(run, values={**run.values, f.parameter.name: value})
 
     def _rivals(self, run: Run, term: TermCandidate) -> Iterator[list[tuple[Run, float]]]:

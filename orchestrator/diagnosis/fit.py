@@ -12,7 +12,7 @@ from orchestrator.diagnosis.diagnosis import Estimate
 from orchestrator.diagnosis.plant import Parameter, TermCandidate
 from orchestrator.diagnosis.problem import Problem, Run, Simulated, Vector
 
-STEP = 0.2  # of a difference quotient, in units of a tolerance or of an amplitude
+WIDE = 0.05  # of a value, beyond which no difference quotient goes
 PRIOR = 1.0  # weight of (deviation/tolerance)^2: a healthy unit is rather inside than at the edge
 AS_PROMISED = 0.15  # share by which a step may gain other than the Jacobian said
 OLD, OWN, FRESH = 0, 1, 2  # a Jacobian by Broyden's updates, with the terms' own columns by differences, or all of it
@@ -225,13 +225,22 @@ def difference(
     coordinates = hypothesis.coordinates
     for k in range(len(coordinates)) if only is None else only:
         c = coordinates[k]
-        steps.append(STEP if x[k] + STEP <= c.upper else -STEP)
+        step = _step(problem, c, float(x[k]))
+        steps.append(step if x[k] + step <= c.upper else -step)
         point = x.copy()
         point[k] += steps[-1]
         runs.append(replace(hypothesis.run(point), touches=(c.component,)))
     found = problem.simulate(runs, base)
     columns = [(f.white - base.white) / step for f, step in zip(found, steps, strict=True) if f is not None]
     return np.column_stack(columns) if len(columns) == len(runs) else None
+
+
+def _step(problem: Problem, coordinate: Coordinate, x: float) -> float:
+    """Of a difference quotient: short where a tolerance is wide, for what is fitted may bend over it."""
+    value = abs(coordinate.start + coordinate.scale * x)
+    if coordinate.kind != "base" or value == 0:
+        return problem.step
+    return min(problem.step, max(WIDE * value / coordinate.scale, 0.1 * problem.step))
 
 
 def fit(

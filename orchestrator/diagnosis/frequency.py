@@ -19,7 +19,7 @@ from orchestrator.diagnosis.diagnosis import Candidate, Diagnosis, Finding
 from orchestrator.diagnosis.fit import Active, Fit, Hypothesis, difference, fit, tolerances
 from orchestrator.diagnosis.fmus import FmuPlant
 from orchestrator.diagnosis.plant import Parameter, Port, Signals, SimulationError, TermCandidate
-from orchestrator.diagnosis.problem import Noise, Problem, Run
+from orchestrator.diagnosis.problem import SMOOTH, Noise, Problem, Run
 from orchestrator.diagnosis.recording import Recording
 from orchestrator.diagnosis.store import Store
 from orchestrator.errors import UserError
@@ -30,7 +30,7 @@ from orchestrator.system.read import load_system
 CHANNEL = "ln amplitude"
 ROWS = 400  # recorded per period, about
 TICK = 5e-4  # s, of which rows are multiples
-SMOOTH = 7  # degree of the polynomial in ln omega from which the data's own scatter is told
+DEGREE = 7  # degree of the polynomial in ln omega from which the data's own scatter is told
 SEEN = (0.5, 50.0)  # whitened length that a probe of a term should have: seen, and not far from linear
 FITTED = 2  # leaders of the score that are fitted
 PERIODS = 4.0  # settling times: longer periods are left out of the ranking
@@ -116,8 +116,8 @@ def read_amplitudes(path: Path) -> tuple[Vector, Vector]:
 def scatter(omega: Vector, amplitude: Vector) -> float:
     """The data's own noise: rms of ln amplitude about a smooth curve, for the degrees of freedom that are left."""
     x, y = np.log(omega), np.log(amplitude)
-    rest = y - np.polyval(np.polyfit(x, y, SMOOTH), x)
-    return float(np.sqrt(rest @ rest / (len(y) - SMOOTH - 1)))
+    rest = y - np.polyval(np.polyfit(x, y, DEGREE), x)
+    return float(np.sqrt(rest @ rest / (len(y) - DEGREE - 1)))
 
 
 @dataclass(frozen=True)
@@ -207,7 +207,7 @@ def _problems(response: Response, alternative: Alternative) -> Iterator[tuple[Pr
     noise = {CHANNEL: Noise(response.noise)}
     with FrequencyPlant(system, response.experiment, response.recording.time) as plant:
         few = quick(response.recording, response.experiment.settle)
-        yield Problem(plant, [response.recording], noise), Problem(plant, [few], noise)
+        yield Problem(plant, [response.recording], noise, step=SMOOTH), Problem(plant, [few], noise, step=SMOOTH)
 
 
 def _calibrate(response: Response, alternative: Alternative) -> tuple[float, Fit]:

@@ -24,7 +24,7 @@ Vector = NDArray[np.float64]
 
 
 def diagnose_response_campaign(path: Path, out: Path, *, progress: Progress | None = None) -> Outcome:
-    """Diagnose, repair, compare, report. diagnosis.json is written last; until then finished readings are in OUT/.work."""
+    """Diagnose, repair, compare, report. diagnosis.json is written last; till then OUT/.work has finished readings."""
     response = load_response(path)
     store = Store(out / ".work", _basis(response))
     diagnosis, readings = diagnose_response(response, store, progress)

@@ -299,7 +299,7 @@ def base_start(hypothesis: Hypothesis, best: Fit) -> Vector:
 def fit_on(problem: Problem, found: Fit, *, settled: float, roughly: float = 0.0, most: int = 12) -> Fit | None:
     """The same hypothesis, fitted on from where it stands."""
     hypothesis, x, J = found.hypothesis, found.x, found.jacobian
-    return fit(problem, hypothesis, x, J, settled=settled, roughly=roughly, most=most, fresh_most=1)
+    return fit(problem, hypothesis, x, J, settled=settled, roughly=roughly, most=most, fresh_most=3)
 
 
 def fit_added(

@@ -15,6 +15,7 @@ from orchestrator.diagnosis.recording import Recording
 
 Vector = NDArray[np.float64]
 BLOCK = 16  # samples
+ROUGH, SMOOTH = 0.15, 0.02  # impacts in a gap make single runs rough; amplitudes at a frequency are smooth
 
 
 @dataclass(frozen=True)
@@ -72,16 +73,22 @@ class Problem:
     """Recordings to be explained by a plant.
 
     `whiten` is linear: differences of simulations are whitened the same way as residuals. Rows have unit variance when
-    only noise is left.
+    only noise is left. step: of difference quotients, in tolerances or amplitudes: as long as the simulation is rough.
     """
 
     def __init__(
-        self, plant: Plant, recordings: Sequence[Recording], noise: Mapping[str, Noise], jobs: int = 2
+        self,
+        plant: Plant,
+        recordings: Sequence[Recording],
+        noise: Mapping[str, Noise],
+        jobs: int = 2,
+        step: float = ROUGH,
     ) -> None:
         self.plant = plant
         self.recordings = list(recordings)
         self.noise = dict(noise)
         self.jobs = jobs
+        self.step = step
         self.runs = 0
         self.blocks: list[Block] = []
         row = 0

@@ -336,6 +336,15 @@ def _renewed(
     return J, age, fresh_most
 
 
+def promised(found: Fit) -> float:
+    """Cost that a further step would take, by the fit's own Jacobian."""
+    coordinates = found.hypothesis.coordinates
+    prior = np.where([c.kind == "base" for c in coordinates], PRIOR, 1e-9)
+    lower, upper = np.array([c.lower for c in coordinates]), np.array([c.upper for c in coordinates])
+    gram, gradient = found.jacobian.T @ found.jacobian + np.diag(prior), found.jacobian.T @ found.residual
+    return bounded_step(gram, gradient - prior * found.x, lower - found.x, upper - found.x)[1]
+
+
 def tolerances(problem: Problem, bounds: Mapping[str, tuple[float, float]]) -> tuple[Free, ...]:
     """Base parameters that a diagnosis may re-fit."""
     return tuple(

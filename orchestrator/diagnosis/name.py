@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from orchestrator.diagnosis.diagnosis import Candidate
-from orchestrator.diagnosis.fit import PRIOR, Active, Fit, Hypothesis, difference, fit
+from orchestrator.diagnosis.fit import PRIOR, Active, Fit, Hypothesis, difference, fit, promised
 from orchestrator.diagnosis.problem import Problem, Vector
 from orchestrator.diagnosis.scan import Column, Scan, Score, scores
 from orchestrator.diagnosis.store import Store
@@ -89,7 +89,10 @@ class Namer:
 
     def round(self, so_far: Progressed) -> Progressed:
         """One term more, or done."""
-        best = so_far.history[-1]
+        best = self.to_its_end(so_far.history[-1])
+        so_far = replace(so_far, history=[*so_far.history[:-1], best])
+        if not self.unexplained(best):
+            return replace(so_far, done=True)
         number = len(so_far.ranking) + 1
         self.progress(f"scan {number}: every term that the units know")
         ranked, found, winner = self.search(so_far.history)
@@ -139,6 +142,13 @@ class Namer:
         self._columns = self._columns or self.scan.columns(history[0])
         ranked = scores(self.problem, history[-1], [c for c in self._columns if c.term.name not in active])
         return {s.term.name for s in ranked[:POINTED]}
+
+    def to_its_end(self, best: Fit) -> Fit:
+        """The fit itself, or a better one where its Jacobian still promises as much as a term would have to take."""
+        if promised(best) < EVIDENCE:
+            return best
+        found = fit(self.problem, best.hypothesis, best.x, settled=10.0, roughly=0.002)
+        return found if found is not None and found.cost < best.cost else best
 
     def without_last(self, best: Fit, winner: Fit) -> Fit | None:
         """What went before, fitted from where the winner has it, its last term's share taken over by the others.

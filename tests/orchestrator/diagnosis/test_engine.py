@@ -9,7 +9,9 @@ from scipy.signal import lfilter
 
 from orchestrator.diagnosis.engine import diagnose_plant
 from orchestrator.diagnosis.fit import Hypothesis, bounded_step, fit, tolerances
+from orchestrator.diagnosis.name import EVIDENCE, Namer
 from orchestrator.diagnosis.problem import Noise, Problem
+from orchestrator.diagnosis.scan import Scan
 from orchestrator.diagnosis.store import Store
 from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, ORDERS, TERMS, Axis, campaign
 
@@ -89,6 +91,19 @@ def test_a_concealed_term_is_named_with_its_parameters(effect: dict[str, float])
     assert [f.term for f in found.findings] == [name]
     for parameter, value in effect.items():
         assert found.findings[0].parameters[parameter].value == pytest.approx(value, rel=0.15), parameter
+
+
+def test_a_refit_that_ended_early_is_gone_on_with_and_nothing_is_named() -> None:
+    case = campaign(OFF)
+    p = problem(case)
+    hypothesis = Hypothesis(tolerances(p, bounds(case)))
+    early, whole = fit(p, hypothesis, most=1), fit(p, hypothesis)
+    assert early is not None
+    assert whole is not None
+    assert early.cost > whole.cost + EVIDENCE
+    naming = Namer(p, Scan(p, TERMS), lambda words: None).name(early)
+    assert naming.named == []
+    assert naming.history[0].cost == pytest.approx(whole.cost, abs=10)
 
 
 def test_two_concealed_terms_are_both_named() -> None:

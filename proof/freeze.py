@@ -1,15 +1,18 @@
-"""Fix the answers of a set: `python proof/freeze.py proof/sealed` after `cobot-joint prove proof/sealed`.
+"""Fix the answers to a set: `python proof/freeze.py RESULTS proof/sealed`, RESULTS being what `prove --out` wrote.
 
-Writes SETDIR/frozen.json: the commit and tag that the answers came from, the thresholds they were found with, and the
-SHA-256 of every diagnosis.json. A test holds the answers against it ever after. It refuses to be called again.
+Copies every diagnosis.json and the repaired systems' descriptions beside the recordings, and writes SETDIR/frozen.json:
+the commit and tag that the answers came from, the thresholds they were found with, and the SHA-256 of every file. A
+test holds the answers against it ever after. It refuses to be called again.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 from types import ModuleType
 
@@ -37,22 +40,33 @@ def thresholds(*modules: ModuleType) -> dict[str, dict[str, object]]:
     }
 
 
-def main(folder: Path) -> None:
+def copy(results: Path, folder: Path) -> None:
+    """diagnosis.json, and of repaired*.ssp the description: the units in it are rebuilt from diagnosis.json."""
+    for answer in sorted(results.glob("*/diagnosis.json")):
+        case = folder / answer.parent.name
+        shutil.copy(answer, case)
+        for system in answer.parent.glob("repaired*.ssp"):
+            with zipfile.ZipFile(system) as archive:
+                (case / system.with_suffix(".ssd").name).write_bytes(archive.read("SystemStructure.ssd"))
+
+
+def main(results: Path, folder: Path) -> None:
     """See the module."""
     frozen = folder / "frozen.json"
     if frozen.exists():
         sys.exit(f"{frozen} is there: answers are fixed once")
     if changed := _git("status", "--porcelain", "orchestrator", "fmus", "systems"):
         sys.exit(f"the tool is not what was committed:\n{changed}")
-    answers = {path.parent.name: digest(path) for path in sorted(folder.glob("*/diagnosis.json"))}
+    copy(results, folder)
+    files = sorted([*folder.glob("*/diagnosis.json"), *folder.glob("*/repaired*.ssd")])
     content = {
         "commit": _git("log", "-1", "--format=%H", "--", "orchestrator", "fmus", "systems"),
         "tag": _git("tag", "--points-at", "HEAD") or None,
         "thresholds": thresholds(name, scan, fit, unlisted, confidence),
-        "answers": answers,
+        "files": {path.relative_to(folder).as_posix(): digest(path) for path in files},
     }
     frozen.write_text(json.dumps(content, indent=1) + "\n")
-    print(f"{len(answers)} answers fixed in {frozen}")
+    print(f"{len(files)} files fixed in {frozen}")
 
 
 def _git(*arguments: str) -> str:
@@ -60,4 +74,4 @@ def _git(*arguments: str) -> str:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), Path(sys.argv[2]))

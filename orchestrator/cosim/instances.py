@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
@@ -30,6 +31,9 @@ class _Log(ctypes.Structure):
     _fields_ = [("last", ctypes.c_char * 1024)]
 
 
+_LOADING = threading.Lock()  # FMPy changes the working directory while it loads a library, for all threads
+
+
 class Instance:
     """One component's FMU, loaded and instantiated."""
 
@@ -42,13 +46,14 @@ class Instance:
         self._log = _Log()
         capabilities = self.description.coSimulation
         try:
-            self.fmu = FMU2Slave(
-                guid=self.description.guid,
-                modelIdentifier=capabilities.modelIdentifier,
-                unzipDirectory=str(component.unit.directory),
-                instanceName=component.name,
-                requireFunctions=False,
-            )
+            with _LOADING:
+                self.fmu = FMU2Slave(
+                    guid=self.description.guid,
+                    modelIdentifier=capabilities.modelIdentifier,
+                    unzipDirectory=str(component.unit.directory),
+                    instanceName=component.name,
+                    requireFunctions=False,
+                )
             self._callbacks = self._make_callbacks()
             self.fmu.instantiate(callbacks=self._callbacks)
         except Exception as error:  # FMPy raises bare Exceptions when a library does not load

@@ -1,4 +1,4 @@
-"""How often a finding of this kind is right: fitted to counts (docs/diagnosis-calibration.md)."""
+"""How often a finding of this kind is expected to be right (docs/diagnosis-calibration.md says on what ground)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 # of the logarithm of the odds, per feature below
 INTERCEPT = 3.0
-COEFFICIENTS = (0.0, -2.0, -1.0, 0.0)
+COEFFICIENTS = (0.0, -2.0, -1.0, -0.7)
 
 
 def features(gain: float, left: float, findings: int, unlisted: bool) -> tuple[float, float, float, float]:

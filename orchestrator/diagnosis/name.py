@@ -23,7 +23,9 @@ SIZES = (0.3, 1.0, 3.0, 10.0)  # multiples of the score test's amplitude that a 
 NEEDLESS = 0.02  # of what an earlier term took, that it must still take beside a later one
 CLEARLY = 10.0  # times what is needed, by the fit's own Jacobian: no fit without the term has to ask
 BEYOND_DOUBT = 100.0  # times the evidence, by the fit's own Jacobian: the fit before need not be tried once more
+POLISHED = 2  # of the leaders, that are fitted to the end
 POINTED = 8  # terms that are looked at again after the first was added
+HALF = 0.5  # of the structure that the terms before leave, that a later one may leave: a patch on a form leaves more
 RIVAL = 0.3  # of the best promise, that another term's promise must have to be tried against it
 WORTH = 0.1  # of what the re-fit leaves above noise, that a term must take where a campaign says what to look at
 ONSET = 1e-3  # s; to which an onset is refined
@@ -110,6 +112,9 @@ class Namer:
         gain = best.cost - winner.cost
         if gain < EVIDENCE:
             return replace(so_far, done=len(ranking) > MOST_TERMS)
+        if so_far.named and self.problem.excess(winner.residual) > HALF * self.problem.excess(best.residual):
+            self.progress(f"{term} takes less than it leaves: a patch on a form that is somewhat off")
+            return replace(so_far, done=True)
         alike = {n: f.cost - winner.cost for n, f in found.items() if n != term and self.as_good(f, winner)}
         self.progress(f"{term} takes {gain:.0f} of {best.chi2 - self.problem.samples:.0f} above noise")
         last, named = self.without_patches(winner, [*so_far.named, Named(term, gain, alike)])
@@ -147,7 +152,7 @@ class Namer:
         """The fit itself, or a better one where its Jacobian still promises as much as a term would have to take."""
         if promised(best) < EVIDENCE:
             return best
-        found = fit(self.problem, best.hypothesis, best.x, settled=10.0, roughly=0.002)
+        found = fit(self.problem, best.hypothesis, best.x, settled=10.0, roughly=0.002, fresh_most=3)
         return found if found is not None and found.cost < best.cost else best
 
     def without_last(self, best: Fit, winner: Fit) -> Fit | None:
@@ -213,13 +218,14 @@ class Namer:
             return {}
         lowest = min(f.cost for f in fits.values())
         near = {n: f for n, f in fits.items() if f.cost - lowest < 0.3 * max(best.cost - lowest, 0.0)}
+        near = dict(sorted(near.items(), key=lambda item: item[1].cost)[:POLISHED])
         polished = {n: fit_on(self.problem, f, settled=10.0, roughly=0.002) or f for n, f in near.items()}
         return dict(sorted(polished.items(), key=lambda item: item[1].cost))
 
     def with_best_onset(self, best: Fit, active: Active) -> Fit | None:
         """The term from the start, and, where the score test says so, from later on: the better fit of both."""
         active = self.sized(best, active)
-        rough = partial(fit_added, self.problem, best, most=12, fresh=0, settled=20.0, roughly=ROUGHLY)
+        rough = partial(fit_added, self.problem, best, most=10, fresh=0, settled=20.0, roughly=ROUGHLY)
         always = rough(replace(active, onset=None))
         if active.onset is None or (
             always is not None and self.problem.excess(always.residual) < 5 * self.problem.excess_scatter

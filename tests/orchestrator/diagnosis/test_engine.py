@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
@@ -137,24 +139,6 @@ def test_without_the_true_term_in_the_catalogue_none_of_the_others_is_dressed_as
     assert [f.term for f in found.findings] == ["axis.unlisted"]
 
 
-def test_naming_interrupted_after_its_first_term_keeps_it_and_gives_the_same_answer(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    case = campaign(OFF | {"axis.asymmetry.tau_A": 4e-3, "axis.cogging.A": 4e-3, "axis.cogging.n": 3.0})
-    fresh = Axis()
-    whole = diagnose_plant(case, fresh)
-
-    def interrupt(words: str) -> None:
-        if words.startswith("scan 2"):
-            raise KeyboardInterrupt
-
-    store = Store(tmp_path, "axis")
-    with pytest.raises(KeyboardInterrupt):
-        diagnose_plant(case, Axis(), progress=interrupt, store=store)
-    resumed = Axis()
-    again = diagnose_plant(case, resumed, store=store)
-    assert {**again.to_json(), "seconds": 0} == {**whole.to_json(), "seconds": 0}
-    assert resumed.runs < 0.6 * fresh.runs
-
-
 def test_orders_are_found_without_simulating_each_of_them() -> None:
     axis = Axis()
     diagnose_plant(campaign(OFF | {"axis.cogging.A": 4e-3, "axis.cogging.n": 7.0}), axis)
@@ -163,22 +147,30 @@ def test_orders_are_found_without_simulating_each_of_them() -> None:
     assert axis.runs < 10 * one_scan
 
 
-def test_an_interrupted_diagnosis_goes_on_and_gives_the_same_answer(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    case = campaign(OFF | {"axis.windage.c": 4e-5})
-    fresh = Axis()
+@pytest.mark.parametrize(
+    ("effect", "words", "share"),
+    [
+        ({"axis.windage.c": 4e-5}, "scan 1", 1.0),
+        ({"axis.asymmetry.tau_A": 4e-3, "axis.cogging.A": 4e-3, "axis.cogging.n": 3.0}, "scan 2", 0.6),
+    ],
+    ids=["after the re-fit", "after the first term"],
+)
+def test_an_interrupted_diagnosis_goes_on_and_gives_the_same_answer(
+    tmp_path: Path, effect: dict[str, float], words: str, share: float
+) -> None:
+    case, fresh = campaign(OFF | effect), Axis()
     whole = diagnose_plant(case, fresh)
 
-    def interrupt(words: str) -> None:
-        if words.startswith("scan"):
+    def interrupt(said: str) -> None:
+        if said.startswith(words):
             raise KeyboardInterrupt
 
     store = Store(tmp_path, "axis")
     with pytest.raises(KeyboardInterrupt):
         diagnose_plant(case, Axis(), progress=interrupt, store=store)
-    resumed = Axis()
+    resumed, third = Axis(), Axis()
     again = diagnose_plant(case, resumed, store=store)
-    assert resumed.runs < fresh.runs
     assert {**again.to_json(), "seconds": 0} == {**whole.to_json(), "seconds": 0}
-    third = Axis()
+    assert resumed.runs < share * fresh.runs
     diagnose_plant(case, third, store=store)
     assert third.runs < 0.1 * resumed.runs

@@ -16,7 +16,8 @@ static void unit_equations(Unit *m) {
   m->der_y_f = m->der_z_H = m->der_tau_f = 0;
   if (m->low_pass_T > 0) {
     m->der_y_f = (tau_s - m->y_f) / m->low_pass_T;
-    reading = m->y_f + m->low_pass_T_s / (2 * m->low_pass_T) * (tau_s - m->y_f);
+    const double x = m->low_pass_T_s / m->low_pass_T; /* lag T_s/(e^x - 1): T - T_s/2 for T >> T_s, 0 for T << T_s */
+    reading = m->y_f + (x > 0 ? 1 - x / expm1(x) : 0) * (tau_s - m->y_f);
   }
   if (m->hysteresis_H != 0) { /* dtau_s/dt from a follower of 1 ms, since the torque has no derivative at hand */
     m->der_tau_f = (tau_s - m->tau_f) / 1e-3;

@@ -99,6 +99,16 @@ def test_low_pass_matches_a_digital_filter_at_the_loggers_rate(make: Make) -> No
     assert np.sqrt(np.mean((plain["tau_reading"] - y) ** 2)) > 1e-2
 
 
+@pytest.mark.parametrize("T", [1e-5, 1e-4, 5e-4, 2e-3])
+def test_low_pass_near_or_below_the_loggers_sample_lags_as_the_digital_filter(make: Make, T: float) -> None:
+    """On a ramp of slope s the reading lags by s a T_s/(1 - a), a = exp(-T_s/T): by nothing as T vanishes."""
+    T_s, slope = 1e-3, 20.0
+    signal = {"phi_o": lambda t: slope * t / C_S}
+    out = make("torque_sensor", {"low_pass.T": T, "low_pass.T_s": T_s}).run(0.2, T_s, ["tau_reading", "tau_s"], signal)
+    lag = slope * T_s / np.expm1(T_s / T)
+    assert out["tau_s"][-1] - out["tau_reading"][-1] == pytest.approx(lag, abs=2e-4 * slope * T_s)
+
+
 def test_low_pass_leaves_the_shaft(make: Make) -> None:
     sensor = make("torque_sensor", {"low_pass.T": 0.02})
     sensor.set(TAU_5)

@@ -26,6 +26,7 @@ BEYOND_DOUBT = 100.0  # times the evidence, by the fit's own Jacobian: the fit b
 POLISHED = 2  # of the leaders, that are fitted to the end
 POINTED = 8  # terms that are looked at again after the first was added
 HALF = 0.5  # of the structure that the terms before leave, that a later one may leave: a patch on a form leaves more
+CLOSE = 0.98  # of a promise that was kept, from which on another term is tried all the same
 RIVAL = 0.3  # of the best promise, that another term's promise must have to be tried against it
 WORTH = 0.1  # of what the re-fit leaves above noise, that a term must take where a campaign says what to look at
 ONSET = 1e-3  # s; to which an onset is refined
@@ -207,13 +208,16 @@ class Namer:
         worth = max(0.3 * EVIDENCE, RIVAL * top)
         tried = [s for s in ranked if s.gain > worth and s.term.name not in self.scan.twins][:leaders]
         fits: dict[str, Fit] = {}
+        enough = -np.inf  # promise from which on a term is tried
         for score in tried:
+            if score.gain < enough:
+                break
             found = self.with_best_onset(best, score.active)
             if found is None or found.cost >= best.cost:
                 continue
             fits[score.term.name] = found
             if self.problem.excess(found.residual) < max(5 * self.problem.excess_scatter, 0.005 * above):
-                break  # nothing left: the next ones promise less
+                enough = max(enough, CLOSE * score.gain)  # nothing left: only one that promises as much may do as well
         if not fits:
             return {}
         lowest = min(f.cost for f in fits.values())

@@ -76,7 +76,7 @@ class Concealer:
             raise RuntimeError("the system cannot be simulated at the parameters drawn")
         J = difference(problem, hypothesis, x, base)
         assert J is not None
-        healthy = Fit(hypothesis, x, 0.0, problem.recorded - base.white, base, J, True, 0)
+        healthy = Fit(hypothesis, x, 0.0, problem.recorded - base.white, base, J, 0)
         concealed: list[Concealed] = []
         terms = [t for t in self.plant.terms if any(self.plant.has(t.name, r) for r in campaign.recordings)]
         while len(concealed) < effects:

@@ -9,9 +9,9 @@ import numpy as np
 
 from orchestrator.diagnosis.correction import SGN
 from orchestrator.diagnosis.fit import Fit
+from orchestrator.diagnosis.orders import order_spectrum
 from orchestrator.diagnosis.plant import Port, Signals
 from orchestrator.diagnosis.problem import Problem, Vector
-from orchestrator.diagnosis.scan import order_power
 
 ORDERS = tuple(float(n) for n in range(1, 49))  # periods per turn that are looked for
 FEW, MORE = 2, 4  # waves that are tried at every port, and at those where the residual points
@@ -61,7 +61,7 @@ class Dictionary:
         """Orders of the port's angles that stand out of the residual, clearest first."""
         found: list[tuple[float, Wave]] = []
         for name in self.port.angles:
-            power = order_power(self.problem, residual, name, self.outputs, ORDERS)
+            power, _ = order_spectrum(self.problem, residual, name, self.outputs, ORDERS)
             found += [(float(p), (name.split(".", 1)[1], n)) for n, p in zip(ORDERS, power, strict=True) if p > 0]
         return [wave for _, wave in sorted(found, reverse=True)]
 

@@ -147,7 +147,6 @@ class Fit:
     residual: Vector  # (rows,)
     simulated: Simulated
     jacobian: Vector  # d(simulated)/dx, (rows, len(x))
-    fresh: bool  # whether that is by differences at this very point
     steps: int
 
     @property
@@ -310,7 +309,7 @@ def fit(
             J, age, fresh_most = _renewed(problem, hypothesis, at, base, J, own, age, fresh_most)
     if J is None:
         return None
-    return Fit(hypothesis, at, float(residual @ residual), residual, base, J, age == FRESH, step_number)
+    return Fit(hypothesis, at, float(residual @ residual), residual, base, J, step_number)
 
 
 def _renewed(

@@ -283,7 +283,7 @@ class Namer:
                     continue
                 rest = self.problem.recorded - simulated.white
                 if float(rest @ rest) < best.chi2:
-                    best = Fit(trial, x, float(rest @ rest), rest, simulated, _settled_jacobian(found), False, 0)
+                    best = Fit(trial, x, float(rest @ rest), rest, simulated, _settled_jacobian(found), 0)
                     moved = True
             width = width if moved else width / 2
         return fit_on(self.problem, best, settled=5.0, roughly=ROUGHLY, most=4) or best

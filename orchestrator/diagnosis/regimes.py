@@ -9,19 +9,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import detrend
 
+from orchestrator.diagnosis.orders import order_spectrum
 from orchestrator.diagnosis.problem import BLOCK, Problem, Vector
 
 SIZES = ((0.0, 0.05, "near zero"), (0.05, 0.35, "low"), (0.35, 0.7, "middle"), (0.7, np.inf, "high"))  # of the greatest
 BANDS = (0.0, 1.0, 10.0, 100.0, np.inf)  # Hz
 QUARTERS = ("first quarter", "second quarter", "third quarter", "last quarter")  # warmth is not logged, time is
 ORDERS = 24  # per turn, of each shaft
-WIDTHS = (
-    512,
-    4096,
-)  # samples of a window of the order spectrum: the first one in which a shaft turns `TURNS`, or the last
-TURNS = 4.0
 ALIKE = 0.97  # of the time that two variables are at the same level, from which on one of them is enough
 UNEVEN = 0.1  # dependence from which on a variable is worth naming
 WORTH = 0.1  # share from which on a level is
@@ -176,46 +171,13 @@ def orders(
     total = float(sum(np.sum(residual[b.rows] ** 2 - b.weight) for b in problem.blocks))
     found = []
     for angle in _different(angles, signals):
-        power, windows = order_spectrum(problem, residual, angle, signals)
+        power, windows = order_spectrum(problem, residual, angle, signals, range(1, ORDERS + 1))
         for k in np.flatnonzero(power > STANDS_OUT * np.sqrt(np.maximum(windows, 1))):
             mean = power / np.maximum(windows, 1)
             beside = [mean[j] for j in (k - 2, k - 1, k + 1, k + 2) if 0 <= j < ORDERS and windows[j]]
             if beside and mean[k] > STANDS_OUT * max(float(np.median(beside)), 0.0):
                 found.append(Order(angle, int(k) + 1, float(3 * power[k] / total)))
     return sorted(found, key=lambda o: -o.share)
-
-
-def order_spectrum(
-    problem: Problem, residual: Vector, angle: str, signals: Sequence[Mapping[str, Vector]]
-) -> tuple[Vector, Vector]:
-    """Sum over windows of |projection on exp(j n phi)|^2 above its expectation; how many windows: n = 1 .. ORDERS.
-
-    A window counts where it holds two periods at least, below the Nyquist frequency; a phase that shifts with speed
-    does no harm.
-    """
-    width = _width(angle, signals)
-    taper = np.hanning(width) / np.sqrt(np.mean(np.hanning(width) ** 2))  # else slow structure leaks into low orders
-    power, windows = np.zeros(ORDERS), np.zeros(ORDERS)
-    for block in problem.blocks:
-        n = _length(block.rows) * BLOCK // width * width
-        if angle not in signals[block.recording] or n == 0:
-            continue
-        phi = signals[block.recording][angle][:n].reshape(-1, width)
-        r = detrend(residual[block.rows][:n].reshape(-1, width), axis=1) * taper
-        turned, fastest = np.abs(phi[:, -1] - phi[:, 0]), np.abs(np.diff(phi, axis=1)).max(axis=1)
-        turn, wave = np.exp(-1j * phi), r.astype(complex)
-        for k in range(ORDERS):
-            wave *= turn
-            seen = (turned * (k + 1) > 4 * np.pi) & (fastest * (k + 1) < 0.8 * np.pi)
-            power[k] += float(np.sum(np.abs(wave[seen].sum(axis=1)) ** 2 / width - 1))
-            windows[k] += np.count_nonzero(seen)
-    return power, windows
-
-
-def _width(angle: str, signals: Sequence[Mapping[str, Vector]]) -> int:
-    speeds = [np.abs(np.diff(s[angle])) for s in signals if angle in s]
-    per_sample = float(np.quantile(np.concatenate(speeds), 0.75))
-    return next((w for w in WIDTHS if per_sample * w > TURNS * 2 * np.pi), WIDTHS[-1])
 
 
 def _different(angles: Sequence[str], signals: Sequence[Mapping[str, Vector]]) -> list[str]:

@@ -8,9 +8,9 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import detrend
 
 from orchestrator.diagnosis.fit import PRIOR, Active, Fit, bounded_step
+from orchestrator.diagnosis.orders import order_spectrum
 from orchestrator.diagnosis.plant import TermCandidate
 from orchestrator.diagnosis.problem import Problem, Run, Vector
 
@@ -191,34 +191,10 @@ class Scan:
                 continue
             power = np.zeros(len(shape.values))
             for angle in angles[term.component]:
-                power = np.maximum(power, order_power(self.problem, fit.residual, angle, outputs, shape.values))
+                power = np.maximum(power, order_spectrum(self.problem, fit.residual, angle, outputs, shape.values)[0])
             best = np.argsort(-power)[:ORDERS]
             found[shape.name] = [shape.values[k] for k in sorted(best)]
         return found
-
-
-def order_power(
-    problem: Problem, residual: Vector, angle: str, outputs: Sequence[Mapping[str, Vector]], orders: Sequence[float]
-) -> Vector:
-    """sum over windows and channels of |projection on exp(j n phi)|^2 over its expectation, per order
-
-    A phase that shifts with speed does no harm.
-    """
-    width, total = 512, np.zeros(len(orders))
-    taper = np.hanning(width) / np.sqrt(np.mean(np.hanning(width) ** 2))  # else slow structure leaks into low orders
-    for block in problem.blocks:
-        phi = outputs[block.recording].get(angle)
-        if phi is None:
-            continue
-        r = residual[block.rows]
-        n = len(r) // width * width
-        turned = np.abs(phi[width - 1 : n : width] - phi[0:n:width])
-        r, p = detrend(r[:n].reshape(-1, width), axis=1) * taper, phi[:n].reshape(-1, width)
-        for k, order in enumerate(orders):
-            seen = turned * order > 4 * np.pi  # two periods at least
-            wave = np.abs(np.sum(r * np.exp(-1j * order * p), axis=1)) ** 2 / width
-            total[k] += float(np.sum(wave[seen] - 1))
-    return total
 
 
 def scores(problem: Problem, fit: Fit, columns: Sequence[Column]) -> list[Score]:

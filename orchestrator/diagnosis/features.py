@@ -95,7 +95,7 @@ class Dictionary:
     def _first(self, k: Local) -> Signals:
         found = {"1": np.ones_like(k.time)}
         for name in self.loads:
-            found[name] = k.signals[name]
+            found |= {name: k.signals[name], f"{name}^2": k.signals[name] ** 2}
         if self.speed is not None:
             w, direction = k.signals[self.speed], f"sgn({self.speed})"
             found |= {direction: sgn(w), self.speed: w, f"{self.speed}^3": w**3}
@@ -107,7 +107,7 @@ class Dictionary:
         found: Signals = {}
         for name in self.loads:
             y = k.signals[name]
-            found |= {f"{name}^2": y**2, f"{name}^3": y**3, f"abs({name})": np.abs(y)}
+            found |= {f"{name}^3": y**3, f"abs({name})": np.abs(y)}
             if self.voltage:
                 v = k.signals[self.voltage]
                 found |= {f"{name}*{self.voltage}": y * v, f"abs({name})*{self.voltage}": np.abs(y) * v}

@@ -1,0 +1,30 @@
+"""Scoreboards side by side, as Markdown: `python proof/compare.py diagnose=results/open refit=results/open-refit`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+RATES = ("right", "located", "named", "unlisted", "healthy_with_a_claim", "false_claims")
+FIGURES = ("excess_error_removed_median", "onset_error_median_s", "brier")
+
+
+def cell(value: Any) -> str:
+    """'k of n (interval)' of a rate, a number as it is, '-' where there is none."""
+    if isinstance(value, dict):
+        return "{k} of {n} ({:.2f} to {:.2f})".format(*value["ci95"], **value) if value["n"] else "-"
+    return "-" if value is None else f"{value:g}"
+
+
+def main(folders: dict[str, Path]) -> None:
+    """See the module."""
+    scores = {name: json.loads((folder / "scoreboard.json").read_text())["summary"] for name, folder in folders.items()}
+    print("| | " + " | ".join(scores) + " |\n|---|" + "---|" * len(scores))
+    for measure in (*RATES, *FIGURES):
+        print(f"| {measure.replace('_', ' ')} | " + " | ".join(cell(s[measure]) for s in scores.values()) + " |")
+
+
+if __name__ == "__main__":
+    main({name: Path(folder) for name, folder in (argument.split("=", 1) for argument in sys.argv[1:])})

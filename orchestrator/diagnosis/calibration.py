@@ -1,6 +1,6 @@
 """How often the diagnosis is wrong: whole diagnoses of campaigns with known answers, counted.
 
-    python -m orchestrator.diagnosis.calibration CAMPAIGN.toml [--campaigns 500] [--seconds 6] [--seed 0] [--jobs 2]
+    python -m orchestrator.diagnosis.calibration CAMPAIGN.toml [--campaigns 500] [--seconds 2] [--seed 0] [--jobs 2]
                                                  [--out calibration.jsonl]
 
 The campaign lends its set-ups, inputs, channels and tolerances; every draw (concealed.py) has parameters, terms, sizes,
@@ -148,7 +148,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("campaign", type=Path)
     parser.add_argument("--campaigns", type=int, default=500)
-    parser.add_argument("--seconds", type=float, default=6.0)
+    parser.add_argument("--seconds", type=float, default=2.0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("build/calibration.jsonl"))

@@ -20,6 +20,7 @@ COLOURS = (0.0, 0.3, 0.5, 0.8)  # of the torque channel; the others are white
 SIZES = (5.0, 1000.0)  # root of the chi-square that a re-fit leaves of an effect: drawn between, even in its logarithm
 LATE = 0.2  # of the effects set in during the runs
 LEAST = 0.03  # of the amplitude that a scan probes with: far below it, some terms are no longer what they are
+FADE = 0.2  # s
 TIMED = (0.05, 0.25)  # of a run, that an episode lasts
 
 
@@ -52,17 +53,18 @@ class Drawn:
 class Concealer:
     """Draws campaigns after the pattern of one, which lends set-ups, inputs, channels and tolerances.
 
-    seconds: length of every run; the inputs are played faster, so that every regime is still passed.
+    seconds: length of every run, a part of the pattern's; None: whole.
     """
 
     def __init__(self, pattern: Campaign, plant: Plant, seconds: float | None = None) -> None:
-        self.pattern = replace(pattern, recordings=[_shortened(r, seconds) for r in pattern.train])
+        self.pattern = replace(pattern, recordings=pattern.train)
+        self.seconds = seconds
         self.plant = plant
         self.bounds = {n: t.bounds(plant.parameters[n].nominal) for n, t in pattern.tolerances.items()}
 
     def draw(self, rng: np.random.Generator, effects: int) -> Drawn:
         """A campaign with so many effects, of different terms, over all recordings but one where there are three."""
-        recordings = [_varied(r, rng) for r in self.pattern.recordings]
+        recordings = [_varied(_part(r, self.seconds, rng), rng) for r in self.pattern.recordings]
         if len(recordings) > 2:
             recordings.pop(rng.integers(len(recordings)))
         campaign = replace(self.pattern, recordings=recordings)
@@ -146,16 +148,16 @@ def _shape(shape: ScannedShape, rng: np.random.Generator) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(high)))) if shape.logarithmic else float(rng.uniform(low, high))
 
 
-def _shortened(recording: Recording, seconds: float | None) -> Recording:
+def _part(recording: Recording, seconds: float | None, rng: np.random.Generator) -> Recording:
+    """A part of a run, anywhere in it: its inputs, faded in, since the bench starts at rest."""
     if seconds is None:
         return recording
-    step, begin = recording.step, float(recording.time[0])
-    time = begin + step * np.arange(round(seconds / step) + 1, dtype=np.float64)
-    played = begin + (time - begin) * (recording.time[-1] - begin) / (time[-1] - begin)
-    inputs = {name: np.interp(played, recording.time, u) for name, u in recording.inputs.items()}
-    return replace(
-        recording, time=time, inputs=inputs, outputs={name: np.zeros(len(time)) for name in recording.outputs}
-    )
+    n = min(round(seconds / recording.step) + 1, len(recording.time))
+    begin = int(rng.integers(len(recording.time) - n + 1))
+    time = recording.time[:n]
+    rise = np.minimum((time - time[0]) / FADE, 1.0)
+    inputs = {name: rise * u[begin : begin + n] for name, u in recording.inputs.items()}
+    return replace(recording, time=time, inputs=inputs, outputs={name: np.zeros(n) for name in recording.outputs})
 
 
 def _varied(recording: Recording, rng: np.random.Generator) -> Recording:

@@ -16,6 +16,7 @@ from orchestrator.diagnosis.store import Store
 
 EVIDENCE = 500.0  # chi-square that a term must take; 99 % of healthy draws: below 17 (docs/diagnosis-calibration.md)
 LEADERS = 4  # of a scan's ranking that are fitted with everything else free
+ABREAST = 0.9  # of the best promise, from which on twice as many are: the order among them says little
 MOST_TERMS = 4
 ALIKE = 30.0  # chi-square by which a term's fit may be worse and still not be told apart
 ALIKE_SHARE = 0.05  # the same, as a share of what the best fit leaves
@@ -206,7 +207,8 @@ class Namer:
         above = max(best.chi2 - self.problem.samples, 0.0)
         top = max((s.gain for s in ranked), default=0.0)
         worth = max(0.3 * EVIDENCE, RIVAL * top)
-        tried = [s for s in ranked if s.gain > worth and s.term.name not in self.scan.twins][:leaders]
+        own = [s for s in ranked if s.gain > worth and s.term.name not in self.scan.twins][: 2 * leaders]
+        tried = [s for k, s in enumerate(own) if k < leaders or s.gain > ABREAST * top]
         fits: dict[str, Fit] = {}
         enough = -np.inf  # promise from which on a term is tried
         for score in tried:
@@ -223,14 +225,21 @@ class Namer:
         lowest = min(f.cost for f in fits.values())
         near = {n: f for n, f in fits.items() if f.cost - lowest < 0.3 * max(best.cost - lowest, 0.0)}
         near = dict(sorted(near.items(), key=lambda item: item[1].cost)[:POLISHED])
-        polished = {n: fit_on(self.problem, f, settled=10.0, roughly=0.002) or f for n, f in near.items()}
+        polished = {n: self.polished(f) for n, f in near.items()}
         return dict(sorted(polished.items(), key=lambda item: item[1].cost))
+
+    def polished(self, found: Fit) -> Fit:
+        """Fitted to its end; where nothing is left, with the Jacobian at hand."""
+        nothing = self.problem.excess(found.residual) < 5 * self.problem.excess_scatter
+        return fit_on(self.problem, found, settled=10.0, roughly=0.002, fresh=0 if nothing else 3) or found
 
     def with_best_onset(self, best: Fit, active: Active) -> Fit | None:
         """The term from the start, and, where the score test says so, from later on: the better fit of both."""
         active = self.sized(best, active)
         rough = partial(fit_added, self.problem, best, most=10, fresh=0, settled=20.0, roughly=ROUGHLY)
         always = rough(replace(active, onset=None))
+        if always is not None and active.term.episode:
+            return self.with_onset(always)
         if active.onset is None or (
             always is not None and self.problem.excess(always.residual) < 5 * self.problem.excess_scatter
         ):
@@ -263,19 +272,21 @@ class Namer:
         return tried[int(np.argmin(costs))]
 
     def with_onset(self, found: Fit) -> Fit:
-        """The last term's onset, if it has one: refined by halving, dropped where starting at once is as good."""
-        active = found.hypothesis.active[-1]
-        if active.onset is None:
-            return found
+        """The last term's onset, or its beginning and length where it has these, refined."""
+        term = found.hypothesis.active[-1].term
+        if term.episode:
+            return self.retimed(found, _other_episodes)
+        return self.retimed(found, _other_onsets) if found.hypothesis.active[-1].onset is not None else found
+
+    def retimed(self, found: Fit, others: Callable[[Active, float], list[Active]]) -> Fit:
+        """The last term's times by halving: a gradient does not see an edge that lies elsewhere.
+
+        others: the term and a width, to the term at other times.
+        """
         best, width = found, float(self.problem.times().max()) / 32
         while width > ONSET:
             settled = best.settled()
-            centre = settled.active[-1].onset or 0.0
-            trials = [
-                replace_last(settled, replace(settled.active[-1], onset=t))
-                for t in (centre - width, centre + width)
-                if t > 0
-            ]
+            trials = [replace_last(settled, active) for active in others(settled.active[-1], width)]
             x = base_start(settled, best)
             moved = False
             for trial, simulated in zip(trials, self.problem.simulate([t.run(x) for t in trials]), strict=True):
@@ -287,6 +298,25 @@ class Namer:
                     moved = True
             width = width if moved else width / 2
         return fit_on(self.problem, best, settled=5.0, roughly=ROUGHLY, most=4) or best
+
+
+def _other_onsets(active: Active, width: float) -> list[Active]:
+    return [replace(active, onset=t) for t in ((active.onset or 0) - width, (active.onset or 0) + width) if t > 0]
+
+
+def _other_episodes(active: Active, width: float) -> list[Active]:
+    """Either edge or both moved, the impulse kept."""
+    assert active.term.episode
+    (begin, length), amplitude, neutral = active.term.episode, active.term.amplitude, active.term.neutral
+    t_0, T_d = active.values[begin], active.values[length]
+    found = []
+    for t, T in ((-1, 0), (1, 0), (0, -1), (0, 1), (1, -1), (-1, 1)):
+        if t_0 + t * width >= 0 and T_d + T * width > 0:
+            step = (active.values[amplitude] - neutral) * T_d / (T_d + T * width)
+            values = {begin: t_0 + t * width, length: T_d + T * width}
+            values[amplitude] = float(np.clip(neutral + step, active.term.lower, active.term.upper))
+            found.append(replace(active, values={**active.values, **values}))
+    return found
 
 
 def loss_without(best: Fit, name: str) -> float:
@@ -316,10 +346,12 @@ def base_start(hypothesis: Hypothesis, best: Fit) -> Vector:
     return x
 
 
-def fit_on(problem: Problem, found: Fit, *, settled: float, roughly: float = 0.0, most: int = 12) -> Fit | None:
-    """The same hypothesis, fitted on from where it stands."""
+def fit_on(
+    problem: Problem, found: Fit, *, settled: float, roughly: float = 0.0, most: int = 12, fresh: int = 3
+) -> Fit | None:
+    """The same hypothesis, fitted on from where it stands. fresh: Jacobians by differences at most."""
     hypothesis, x, J = found.hypothesis, found.x, found.jacobian
-    return fit(problem, hypothesis, x, J, settled=settled, roughly=roughly, most=most, fresh_most=3)
+    return fit(problem, hypothesis, x, J, settled=settled, roughly=roughly, most=most, fresh_most=fresh)
 
 
 def fit_added(

@@ -62,6 +62,12 @@ class TermCandidate:
         """The unit that has it."""
         return self.name.split(".")[0]
 
+    @property
+    def episode(self) -> tuple[str, str] | None:
+        """Its beginning t_0 and length T_d, where the term lasts for a while only."""
+        names = {s.name.split(".")[-1]: s.name for s in self.shapes}
+        return (names["t_0"], names["T_d"]) if {"t_0", "T_d"} <= names.keys() else None
+
 
 @dataclass(frozen=True)
 class Port:

@@ -241,7 +241,7 @@ class ScoreTest:
             at += len(own)
             for window, active in _windows(column.term, self.grams, self.width):
                 gain, amplitude = _gain(whole, active, own, base, self.prior, self.x, held, nothing)
-                gain -= LATE if window is not None and not _timed(column.term) else 0.0
+                gain -= LATE if window is not None and not column.term.episode else 0.0
                 score = _score(column, amplitude, gain, window, self.width)
                 if score and (column.term.name not in best or gain > best[column.term.name].gain):
                     best[column.term.name] = score
@@ -279,7 +279,7 @@ def _gain(
 
 def _windows(term: TermCandidate, grams: Vector, width: float) -> Iterator[tuple[tuple[float, float] | None, Vector]]:
     """((from, to), Gram matrix over that time); None: always. A term with a from and a to is scanned as windows."""
-    if _timed(term):
+    if term.episode:
         for length in (1, 2, 4):
             for start in range(SEGMENTS - length + 1):
                 yield (start * width, (start + length) * width), grams[start : start + length].sum(axis=0)
@@ -288,11 +288,6 @@ def _windows(term: TermCandidate, grams: Vector, width: float) -> Iterator[tuple
     yield None, later[0]
     for start in range(1, SEGMENTS - 1):
         yield (start * width, np.inf), later[start]
-
-
-def _timed(term: TermCandidate) -> bool:
-    """Whether the term has a beginning t_0 and a length T_d of its own."""
-    return {"t_0", "T_d"} <= {s.name.split(".")[-1] for s in term.shapes}
 
 
 def _score(
@@ -309,9 +304,8 @@ def _score(
             values[term.amplitude] - term.neutral
         ) < 1e-3 * abs(amplitude[0]):
             return None
-    if _timed(term) and window:
-        for shape in term.shapes:
-            values[shape.name] = window[0] if shape.name.endswith(".t_0") else window[1] - window[0]
+    if term.episode and window:
+        values |= dict(zip(term.episode, (window[0], window[1] - window[0]), strict=True))
         return Score(term, gain, values, None, column)
     return Score(term, gain, values, window[0] if window else None, column)
 
@@ -324,7 +318,7 @@ def _probes(run: Run, term: TermCandidate, shape: Mapping[str, float], delta: fl
 
 def _shapes(term: TermCandidate, orders: Mapping[str, Sequence[float]]) -> list[dict[str, float]]:
     """Every combination of scanned shapes."""
-    if _timed(term):  # always on: windows are cut from its response
+    if term.episode:  # always on: windows are cut from its response
         return [{s.name: (0.0 if s.name.endswith(".t_0") else 1e6) for s in term.shapes}]
     choices = [orders.get(s.name, s.values) for s in term.shapes]
     return [dict(zip([s.name for s in term.shapes], values, strict=True)) for values in product(*choices)]

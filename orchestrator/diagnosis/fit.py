@@ -131,7 +131,8 @@ def _coordinates(active: Active) -> list[Coordinate]:
             lower, upper = float(np.log(shape.lower / start)), float(np.log(shape.upper / start))
             found.append(Coordinate((shape.name,), start, start, lower, upper, "log", term.component))
         else:
-            scale = 0.1 * (shape.upper - shape.lower)
+            begins = term.episode is not None and shape.name == term.episode[0]  # anywhere: its length is the measure
+            scale = values[term.episode[1]] if term.episode and begins else 0.1 * (shape.upper - shape.lower)
             lower, upper = (shape.lower - start) / scale, (shape.upper - start) / scale
             found.append(Coordinate((shape.name,), start, scale, lower, upper, "linear", term.component))
     return found

@@ -254,69 +254,50 @@ class Namer:
 
         Sensitivities at zero mislead far from it.
         """
-        term = active.term
-        step = active.values[term.amplitude] - term.neutral
-        tried = [
-            replace(
-                active,
-                values={
-                    **active.values,
-                    term.amplitude: float(np.clip(term.neutral + k * step, term.lower, term.upper)),
-                },
-            )
-            for k in SIZES
-        ]
+        tried = [scaled(active, k) for k in SIZES]
         hypotheses = [replace(best.settled(), active=(*best.settled().active, a)) for a in tried]
         found = self.problem.simulate([h.run(base_start(h, best)) for h in hypotheses])
         costs = [np.inf if f is None else float(np.sum((self.problem.recorded - f.white) ** 2)) for f in found]
         return tried[int(np.argmin(costs))]
 
     def with_onset(self, found: Fit) -> Fit:
-        """The last term's onset, or its beginning and length where it has these, refined."""
-        term = found.hypothesis.active[-1].term
-        if term.episode:
-            return self.retimed(found, _other_episodes)
-        return self.retimed(found, _other_onsets) if found.hypothesis.active[-1].onset is not None else found
+        """The last term's onset, or where it has these its beginning and length, refined by halving.
 
-    def retimed(self, found: Fit, others: Callable[[Active, float], list[Active]]) -> Fit:
-        """The last term's times by halving: a gradient does not see an edge that lies elsewhere.
-
-        others: the term and a width, to the term at other times.
+        A gradient does not see an edge that lies elsewhere.
         """
+        active = found.hypothesis.active[-1]
+        if active.onset is None and active.term.episode is None:
+            return found
         best, width = found, float(self.problem.times().max()) / 32
         while width > ONSET:
             settled = best.settled()
-            trials = [replace_last(settled, active) for active in others(settled.active[-1], width)]
-            x = base_start(settled, best)
-            moved = False
-            for trial, simulated in zip(trials, self.problem.simulate([t.run(x) for t in trials]), strict=True):
-                if simulated is None:
-                    continue
-                rest = self.problem.recorded - simulated.white
-                if float(rest @ rest) < best.chi2:
-                    best = Fit(trial, x, float(rest @ rest), rest, simulated, _settled_jacobian(found), 0)
-                    moved = True
-            width = width if moved else width / 2
+            x, J = base_start(settled, best), _settled_jacobian(found)
+            trials = [replace_last(settled, active) for active in _at_other_times(settled.active[-1], width)]
+            for hypothesis, simulated in zip(trials, self.problem.simulate([t.run(x) for t in trials]), strict=True):
+                rest = self.problem.recorded - simulated.white if simulated is not None else best.residual
+                if simulated is not None and float(rest @ rest) < best.chi2:
+                    best = Fit(hypothesis, x, float(rest @ rest), rest, simulated, J, 0)
+            width = width if any(best.hypothesis is t for t in trials) else width / 2
         return fit_on(self.problem, best, settled=5.0, roughly=ROUGHLY, most=4) or best
 
 
-def _other_onsets(active: Active, width: float) -> list[Active]:
-    return [replace(active, onset=t) for t in ((active.onset or 0) - width, (active.onset or 0) + width) if t > 0]
+def scaled(active: Active, k: float) -> Active:
+    """The term k times as large, as far as it may be."""
+    term = active.term
+    amplitude = term.neutral + k * (active.values[term.amplitude] - term.neutral)
+    return replace(active, values={**active.values, term.amplitude: float(np.clip(amplitude, term.lower, term.upper))})
 
 
-def _other_episodes(active: Active, width: float) -> list[Active]:
-    """Either edge or both moved, the impulse kept."""
+def _at_other_times(active: Active, width: float) -> list[Active]:
+    """The onset moved; of an episode either edge or both, its impulse kept."""
+    if active.onset is not None:
+        return [replace(active, onset=t) for t in (active.onset - width, active.onset + width) if t > 0]
     assert active.term.episode
-    (begin, length), amplitude, neutral = active.term.episode, active.term.amplitude, active.term.neutral
+    begin, length = active.term.episode
     t_0, T_d = active.values[begin], active.values[length]
-    found = []
-    for t, T in ((-1, 0), (1, 0), (0, -1), (0, 1), (1, -1), (-1, 1)):
-        if t_0 + t * width >= 0 and T_d + T * width > 0:
-            step = (active.values[amplitude] - neutral) * T_d / (T_d + T * width)
-            values = {begin: t_0 + t * width, length: T_d + T * width}
-            values[amplitude] = float(np.clip(neutral + step, active.term.lower, active.term.upper))
-            found.append(replace(active, values={**active.values, **values}))
-    return found
+    moves = [(t_0 + t * width, T_d + T * width) for t, T in ((-1, 0), (1, 0), (0, -1), (0, 1), (1, -1), (-1, 1))]
+    moved = [(replace(active, values={**active.values, begin: t, length: T}), T_d / T) for t, T in moves if T > 0]
+    return [scaled(other, k) for other, k in moved if other.values[begin] >= 0]
 
 
 def loss_without(best: Fit, name: str) -> float:

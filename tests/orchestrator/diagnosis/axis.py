@@ -33,6 +33,15 @@ TERMS = (
     term("cogging", "A", 0.05, (ORDERS,), "axis.cogging.phi_0"),
     term("stribeck", "tau_S", 0.05, (ScannedShape("axis.stribeck.w_S", (1.0, 4.0), 0.1, 50.0, logarithmic=True),)),
 )
+PUSH = term(
+    "push",
+    "T",
+    0.5,
+    (
+        ScannedShape("axis.push.t_0", (0.0,), -1e9, 1e9, "s"),
+        ScannedShape("axis.push.T_d", (1e6,), 1e-6, 1e9, "s", logarithmic=True),
+    ),
+)
 
 
 class Axis:
@@ -66,6 +75,9 @@ class Axis:
         c, tau_A, A = (v.get(f"axis.{n}", 0.0) for n in ("windage.c", "asymmetry.tau_A", "cogging.A"))
         n, phi_0 = v.get("axis.cogging.n", 1.0), v.get("axis.cogging.phi_0", 0.0)
         tau_S, w_S = v.get("axis.stribeck.tau_S", 0.0), v.get("axis.stribeck.w_S", 1.0)
+        t_0, T_d = v.get("axis.push.t_0", 0.0), v.get("axis.push.T_d", 0.0)
+        covered = np.clip(t_0 + T_d - recording.time, 0, STEP) - np.clip(t_0 - recording.time, 0, STEP)
+        push = v.get("axis.push.T", 0.0) * covered / STEP  # of each step, the part that it acts in
         late = {name: round(t / STEP) for name, t in (onsets or {}).items()}
         from_A = late.get("axis.cogging.A", 0)
         phi = w = 0.0
@@ -76,7 +88,7 @@ class Axis:
             tau = v["axis.tau_C"] * s + v["axis.d"] * w + c * w * abs(w) + tau_A * s * s
             tau += tau_S * np.exp(-((w / w_S) ** 2)) * s
             tau += A * sin(n * phi + phi_0) if j >= from_A else 0.0
-            w += STEP * (v["axis.k"] * u[j] - tau + tau_add[j]) / v["axis.J"]
+            w += STEP * (v["axis.k"] * u[j] - tau + tau_add[j] + push[j]) / v["axis.J"]
             phi += STEP * out[j, 1]
         return {"w": out[:, 1].copy(), "axis.phi": out[:, 0], "axis.w": out[:, 1]}
 

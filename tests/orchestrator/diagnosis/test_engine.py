@@ -15,7 +15,7 @@ from orchestrator.diagnosis.name import EVIDENCE, Namer
 from orchestrator.diagnosis.problem import Noise, Problem
 from orchestrator.diagnosis.scan import Scan
 from orchestrator.diagnosis.store import Store
-from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, ORDERS, TERMS, Axis, campaign
+from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, ORDERS, PUSH, TERMS, Axis, campaign
 
 OFF = {"axis.J": 1.04e-3, "axis.d": 1.9e-3, "axis.tau_C": 0.0206}  # inside the tolerances
 
@@ -120,6 +120,17 @@ def test_an_effect_that_sets_in_during_the_run_is_dated() -> None:
     found = diagnose_plant(campaign(OFF | effect, onsets={"axis.cogging.A": 2.6}), Axis())
     assert [f.term for f in found.findings] == ["axis.cogging"]
     assert found.findings[0].onset == pytest.approx(2.6, abs=0.1)
+
+
+@pytest.mark.parametrize(("begin", "length", "T"), [(2.13, 0.15, -0.03), (4.0, 1.2, -0.006)])
+def test_a_push_is_found_wherever_it_begins_and_however_short_it_is(begin: float, length: float, T: float) -> None:
+    truth = {"axis.push.t_0": begin, "axis.push.T_d": length, "axis.push.T": T}
+    found = diagnose_plant(campaign(truth), Axis((*TERMS, PUSH)))
+    assert [f.term for f in found.findings] == ["axis.push"]
+    values = {n.split(".")[-1]: p.value for n, p in found.findings[0].parameters.items()}
+    assert values["t_0"] == pytest.approx(begin, abs=2e-3)
+    assert values["T_d"] == pytest.approx(length, abs=2e-3)
+    assert values["T"] == pytest.approx(T, rel=0.02)
 
 
 def test_an_effect_that_no_term_has_is_called_unlisted_and_given_its_form() -> None:

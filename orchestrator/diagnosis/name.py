@@ -23,7 +23,7 @@ ALIKE_SHARE = 0.05  # the same, as a share of what the best fit leaves
 SIZES = (0.3, 1.0, 3.0, 10.0)  # multiples of the score test's amplitude that a fit may start from
 NEEDLESS = 0.02  # of what an earlier term took, that it must still take beside a later one
 CLEARLY = 10.0  # times what is needed, by the fit's own Jacobian: no fit without the term has to ask
-BEYOND_DOUBT = 100.0  # times the evidence, by the fit's own Jacobian: the fit before need not be tried once more
+BEYOND_DOUBT = 100.0  # times the evidence, by the fit's own Jacobian: a few steps of a fit without the term tell
 POLISHED = 2  # of the leaders, that are fitted to the end
 POINTED = 8  # terms that are looked at again after the first was added
 HALF = 0.5  # of the structure that the terms before leave, that a later one may leave: a patch on a form leaves more
@@ -105,12 +105,11 @@ class Namer:
         if winner is None:
             return replace(so_far, done=True)
         term = winner.hypothesis.active[-1].term.name
-        if loss_without(winner, term) < BEYOND_DOUBT * EVIDENCE:
-            again = self.without_last(best, winner)
-            if again is not None and again.cost < best.cost:
-                self.progress("the last fit had not come to its end")
-                best = again
-                so_far = replace(so_far, history=[*so_far.history[:-1], best])
+        again = self.without_last(best, winner)
+        if again is not None and again.cost < best.cost:
+            self.progress("the last fit had not come to its end")
+            best = again
+            so_far = replace(so_far, history=[*so_far.history[:-1], best])
         gain = best.cost - winner.cost
         if gain < EVIDENCE:
             return replace(so_far, done=len(ranking) > MOST_TERMS)
@@ -160,7 +159,8 @@ class Namer:
     def without_last(self, best: Fit, winner: Fit) -> Fit | None:
         """What went before, fitted from where the winner has it, its last term's share taken over by the others.
 
-        A fit that ended early leaves room for a term that only helps it on.
+        A fit that ended early, or in a side valley, leaves room for a term that only helps it on. None: it is beyond
+        doubt that the term is needed.
         """
         coordinates = winner.hypothesis.coordinates
         names = {c.names[0] for c in best.hypothesis.coordinates}
@@ -171,7 +171,12 @@ class Namer:
         share = np.linalg.lstsq(J, own @ winner.x[last], rcond=1e-8)[0]
         hypothesis = replace(winner.hypothesis, active=winner.hypothesis.active[:-1])
         x = winner.x[kept] + share
-        return fit(self.problem, hypothesis, x, J, settled=10.0, roughly=0.002, most=15, fresh_most=2)
+        again = partial(fit, self.problem, hypothesis, x, J, settled=10.0, roughly=0.002)
+        if loss_without(winner, winner.hypothesis.active[-1].term.name) > BEYOND_DOUBT * EVIDENCE:
+            begun = again(most=4, fresh_most=0)
+            if begun is None or begun.cost >= best.cost:
+                return None
+        return again(most=15, fresh_most=2)
 
     def without_patches(self, best: Fit, named: list[Named]) -> tuple[Fit, list[Named]]:
         """Without earlier terms that the last one made needless: what stood in for it while it was off."""

@@ -162,17 +162,18 @@ class Namer:
         A fit that ended early, or in a side valley, leaves room for a term that only helps it on. None: it is beyond
         doubt that the term is needed.
         """
-        coordinates = winner.hypothesis.coordinates
+        coordinates, term = winner.hypothesis.coordinates, winner.hypothesis.active[-1].term
         names = {c.names[0] for c in best.hypothesis.coordinates}
         kept = [k for k, c in enumerate(coordinates) if c.names[0] in names]
-        amplitude = winner.hypothesis.active[-1].term.amplitude
-        last = [k for k, c in enumerate(coordinates) if c.names[0] == amplitude]
-        J, own = winner.jacobian[:, kept], winner.jacobian[:, last]
-        share = np.linalg.lstsq(J, own @ winner.x[last], rcond=1e-8)[0]
+        last = [k for k, c in enumerate(coordinates) if c.names[0] == term.amplitude]
+        needed = loss_without(winner, term.name) > BEYOND_DOUBT * EVIDENCE
+        J = None if needed else difference(self.problem, winner.hypothesis, winner.x, winner.simulated)
+        J = winner.jacobian if J is None else J
+        share = np.linalg.lstsq(J[:, kept], J[:, last] @ winner.x[last], rcond=1e-8)[0]
         hypothesis = replace(winner.hypothesis, active=winner.hypothesis.active[:-1])
         x = winner.x[kept] + share
-        again = partial(fit, self.problem, hypothesis, x, J, settled=10.0, roughly=0.002)
-        if loss_without(winner, winner.hypothesis.active[-1].term.name) > BEYOND_DOUBT * EVIDENCE:
+        again = partial(fit, self.problem, hypothesis, x, J[:, kept], settled=10.0, roughly=0.002)
+        if needed:
             begun = again(most=4, fresh_most=0)
             if begun is None or begun.cost >= best.cost:
                 return None

@@ -88,11 +88,16 @@ class Hypothesis:
             else:
                 values[c.names[0]] = c.start + c.scale * float(x[k])
             k += 1
+        allowed = {f.parameter.name: (f.lower, f.upper) for f in self.free}
         for active in self.active:
             for name, value in active.values.items():
                 values.setdefault(name, value)
+            allowed[active.term.amplitude] = active.term.lower, active.term.upper
+            allowed |= {shape.name: (shape.lower, shape.upper) for shape in active.term.shapes}
             if active.onset is not None:
                 onsets[active.term.amplitude] = active.onset
+        for name, (lower, upper) in allowed.items():
+            values[name] = min(max(values[name], lower), upper)  # at a bound, rounding may be beyond it
         return Run(values, onsets, self.added)
 
     def start(self) -> Vector:

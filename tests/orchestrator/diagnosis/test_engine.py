@@ -10,7 +10,7 @@ from scipy.optimize import lsq_linear
 from scipy.signal import lfilter
 
 from orchestrator.diagnosis.engine import diagnose_plant
-from orchestrator.diagnosis.fit import Hypothesis, bounded_step, fit, tolerances
+from orchestrator.diagnosis.fit import Active, Hypothesis, bounded_step, fit, tolerances
 from orchestrator.diagnosis.name import EVIDENCE, Namer
 from orchestrator.diagnosis.problem import Noise, Problem
 from orchestrator.diagnosis.scan import Scan
@@ -185,3 +185,11 @@ def test_an_interrupted_diagnosis_goes_on_and_gives_the_same_answer(
     assert resumed.runs < share * fresh.runs
     diagnose_plant(case, third, store=store)
     assert third.runs < 0.1 * resumed.runs
+
+
+def test_at_its_bounds_nothing_is_rounded_beyond_them() -> None:
+    for scale in np.random.default_rng(0).uniform(1e-3, 1, 200):
+        active = Active(TERMS[2], {"axis.cogging.A": 0.05 * scale, "axis.cogging.phi_0": 0.3, "axis.cogging.n": 3.0})
+        hypothesis = Hypothesis((), (active,))
+        most = [c.upper for c in hypothesis.coordinates]
+        assert abs(hypothesis.run(most).values["axis.cogging.A"]) <= TERMS[2].upper

@@ -33,7 +33,7 @@ from orchestrator.system.read import load_system
 
 EFFECTS = (0.5, 0.4, 0.1)  # share of campaigns that conceal nothing, one, two: a false alarm is the worst of errors
 EDGES = (0.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0, np.inf)  # of sizes, for the table
-RIDGE = 0.1  # of the confidence's fit: few wrong findings leave its coefficients loose
+RIDGE = 0.3  # of the confidence's fit: few wrong findings leave its coefficients loose
 
 Row = dict[str, Any]
 
@@ -85,7 +85,7 @@ def judge(drawn: Drawn, diagnosis: Diagnosis) -> Row:
     findings = []
     for f, s in zip(diagnosis.findings, said, strict=True):
         abstained = "unlisted" in s and any(f.component == p and not hit for p, hit in zip(places, named, strict=True))
-        x = features(f.gain, diagnosis.structure["repaired"], len(diagnosis.findings), "unlisted" in s)
+        x = features(f.gain, diagnosis.structure["repaired"], "unlisted" in s)
         true = bool(s & set(names)) or abstained
         findings.append({"term": f.term, "gain": f.gain, "features": x, "confidence": f.confidence, "true": true})
     return {

@@ -5,22 +5,22 @@ from __future__ import annotations
 import math
 
 # of the logarithm of the odds, per feature below
-INTERCEPT = 3.0
-COEFFICIENTS = (0.0, -2.0, -1.0, -0.7)
+INTERCEPT = 2.94
+COEFFICIENTS = (-3.25, -1.17, -0.73)
+LEFT = 500.0  # chi-square of slow structure from which on something is left
 
 
-def features(gain: float, left: float, findings: int, unlisted: bool) -> tuple[float, float, float, float]:
-    """Size of the finding, what stays unexplained beside it, how crowded the diagnosis is, and whether a list names it.
+def features(gain: float, left: float, unlisted: bool) -> tuple[float, float, float]:
+    """What stays unexplained, as such (to an order of magnitude) and beside what the finding explains; no list has it.
 
-    gain: chi-square the finding takes away; left: structure above noise that stays unexplained; findings: of this
-    diagnosis.
+    gain: chi-square the finding takes away; left: structure above noise that stays unexplained.
     """
     share = left / max(gain, 1e-9)  # a finding that explains less than what stays unexplained is a patch
-    return math.log10(max(gain, 1.0) / 1e3), math.log10(1 + 10 * share), max(findings - 2, 0), float(unlisted)
+    return min(math.log10(1 + left / LEFT), 1.0), math.log10(1 + 10 * share), float(unlisted)
 
 
-def confidence(gain: float, left: float, findings: int, unlisted: bool = False) -> float:
+def confidence(gain: float, left: float, unlisted: bool = False) -> float:
     """0..1; arguments as `features` has them."""
-    x = features(gain, left, findings, unlisted)
+    x = features(gain, left, unlisted)
     score = INTERCEPT + sum(b * f for b, f in zip(COEFFICIENTS, x, strict=True))
     return round(1 / (1 + math.exp(-score)), 3)

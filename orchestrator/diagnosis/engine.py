@@ -164,7 +164,7 @@ def _finding(problem: Problem, naming: Naming, named: Named, repaired: Mapping[s
     return Finding(
         term=named.term,
         equivalent=tuple(equivalent),
-        confidence=confidence(named.gain, left, len(naming.named)),
+        confidence=confidence(named.gain, left),
         onset=active.onset,
         parameters=parameters,
         where=where,

@@ -157,7 +157,7 @@ def _answer(
         return None
     form = _table_form(choice.port, table, taken) if table else _formula(choice, taken)
     alike = equally_good(problem, start, choice)
-    finding = _finding(problem, start, found, form, choice.port, alike, gained, len(named) + 1)
+    finding = _finding(problem, start, found, form, choice.port, alike, gained)
     return Unlisted(found, named, finding, taken)
 
 
@@ -195,13 +195,13 @@ def _table_form(port: Port, table: Table, taken: float) -> Form:
 
 
 def _finding(
-    problem: Problem, start: Fit, found: Fit, form: Form, port: Port, alike: list[Port], gained: float, count: int
+    problem: Problem, start: Fit, found: Fit, form: Form, port: Port, alike: list[Port], gained: float
 ) -> Finding:
     where, words = locate_gain(problem, start.residual**2 - found.residual**2)
     return Finding(
         term=f"{port.component}.unlisted",
         equivalent=tuple(f"{c}.unlisted" for c in dict.fromkeys(p.component for p in alike)),
-        confidence=confidence(gained, max(problem.excess(found.residual), 0.0), count, unlisted=True),
+        confidence=confidence(gained, max(problem.excess(found.residual), 0.0), unlisted=True),
         onset=None,
         parameters={},
         where=where,

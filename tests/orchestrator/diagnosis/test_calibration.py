@@ -57,17 +57,17 @@ def test_a_large_effect_of_the_axis_is_named() -> None:
 
 def test_confidences_are_fitted_to_counts() -> None:
     rng = np.random.default_rng(0)
-    x = rng.normal(size=(4000, 4))
+    x = rng.normal(size=(4000, 3))
     odds = 1.5 - 1.0 * x[:, 1]
     true = rng.random(4000) < 1 / (1 + np.exp(-odds))
     rows = [
         {"findings": [{"features": list(f), "true": bool(t), "confidence": 0.9}], "effects": [], "colour": 0.0}
         for f, t in zip(x, true, strict=True)
     ]
-    assert fitted_confidence(rows) == pytest.approx([1.5, 0.0, -1.0, 0.0, 0.0], abs=0.15)
+    assert fitted_confidence(rows) == pytest.approx([1.5, 0.0, -1.0, 0.0], abs=0.15)
 
 
 def test_the_tables_count_claims_on_healthy_campaigns() -> None:
-    finding = {"term": "axis.windage", "gain": 1e3, "features": [0.0] * 4, "confidence": 0.9, "true": False}
+    finding = {"term": "axis.windage", "gain": 1e3, "features": [0.0] * 3, "confidence": 0.9, "true": False}
     rows = [{"effects": [], "findings": f, "colour": 0.0} for f in ([], [], [finding])]
     assert "| all | 3 | 1 |" in tables(rows)

@@ -16,7 +16,7 @@ from orchestrator.diagnosis.store import Store
 
 EVIDENCE = 500.0  # chi-square that a term must take; 99 % of healthy draws: below 17 (docs/diagnosis-calibration.md)
 LEADERS = 4  # of a scan's ranking that are fitted with everything else free
-ABREAST = 0.9  # of the best promise, from which on twice as many are: the order among them says little
+ABREAST = 0.9  # of the best promise, from which on twice as many are for a first term: their order says little
 MOST_TERMS = 4
 ALIKE = 30.0  # chi-square by which a term's fit may be worse and still not be told apart
 ALIKE_SHARE = 0.05  # the same, as a share of what the best fit leaves
@@ -214,7 +214,8 @@ class Namer:
         top = max((s.gain for s in ranked), default=0.0)
         worth = max(0.3 * EVIDENCE, RIVAL * top)
         own = [s for s in ranked if s.gain > worth and s.term.name not in self.scan.twins][: 2 * leaders]
-        tried = [s for k, s in enumerate(own) if k < leaders or s.gain > ABREAST * top]
+        first = not best.hypothesis.active
+        tried = [s for k, s in enumerate(own) if k < leaders or (first and s.gain > ABREAST * top)]
         fits: dict[str, Fit] = {}
         enough = -np.inf  # promise from which on a term is tried
         for score in tried:

@@ -237,8 +237,8 @@ class Namer:
 
     def polished(self, found: Fit) -> Fit:
         """Fitted to its end; where nothing is left, with the Jacobian at hand."""
-        nothing = self.problem.excess(found.residual) < 5 * self.problem.excess_scatter
-        return fit_on(self.problem, found, settled=10.0, roughly=0.002, fresh=0 if nothing else 3) or found
+        fresh = 3 if self.unexplained(found) else 0
+        return fit_on(self.problem, found, settled=10.0, roughly=0.002, fresh=fresh) or found
 
     def with_best_onset(self, best: Fit, active: Active) -> Fit | None:
         """The term from the start, and, where the score test says so, from later on: the better fit of both."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from orchestrator.diagnosis.campaign import Campaign
 from orchestrator.diagnosis.compare import Simulator as Simulate
 from orchestrator.diagnosis.diagnosis import Diagnosis, Estimate
-from orchestrator.diagnosis.engine import CALIBRATION, noises
+from orchestrator.diagnosis.engine import SETTLED, noises
 from orchestrator.diagnosis.fit import Hypothesis, fit, tolerances
 from orchestrator.diagnosis.fmus import FmuPlant
 from orchestrator.diagnosis.plant import SimulationError
@@ -98,7 +98,7 @@ def _calibrate(campaign: Campaign) -> tuple[dict[str, Estimate], bool]:
     with FmuPlant({setup: load_system(path) for setup, path in campaign.setups.items()}) as plant:
         problem = Problem(plant, campaign.train, noises(campaign))
         bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
-        found = fit(problem, Hypothesis(tolerances(problem, bounds)), settled=10.0, roughly=CALIBRATION)
+        found = fit(problem, Hypothesis(tolerances(problem, bounds)), settled=10.0, roughly=SETTLED)
         if found is None:
             raise SimulationError(f"{campaign.title}: the system as specified does not run through these recordings")
         units = {name: parameter.unit for name, parameter in plant.parameters.items()}

@@ -17,7 +17,7 @@ from orchestrator.diagnosis.fit import Fit, Hypothesis, fit, tolerances
 from orchestrator.diagnosis.fmus import FmuPlant
 from orchestrator.diagnosis.locate import locate
 from orchestrator.diagnosis.located import locate_difference
-from orchestrator.diagnosis.name import Named, Namer, prune, worth_naming
+from orchestrator.diagnosis.name import SETTLED, Named, Namer, prune, worth_naming
 from orchestrator.diagnosis.plant import Plant
 from orchestrator.diagnosis.problem import Noise, Problem
 from orchestrator.diagnosis.scan import Scan
@@ -28,7 +28,6 @@ from orchestrator.system.read import load_system
 
 Progress = Callable[[str], None]
 MOST_NAMES = 4  # that one finding may carry
-CALIBRATION = 0.003  # precision of the re-fit, as a share of what is above noise
 
 
 @dataclass
@@ -83,7 +82,7 @@ def identify(
     base = Hypothesis(tolerances(problem, bounds))
     told = tuple((name, c.noise, c.colour) for name, c in campaign.logged.items() if c.colour is not None)
     calibrated = store.remember(
-        "calibrated", told, lambda: fit(problem, base, settled=10.0, roughly=CALIBRATION, fresh_most=8)
+        "calibrated", told, lambda: fit(problem, base, settled=10.0, roughly=SETTLED, fresh_most=8)
     )
     if calibrated is None:
         raise RuntimeError("the system cannot be simulated with its nominal parameters on these recordings")

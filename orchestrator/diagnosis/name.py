@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from operator import attrgetter
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from orchestrator.diagnosis.diagnosis import Candidate
 from orchestrator.diagnosis.fit import PRIOR, Active, Fit, Hypothesis, difference, fit, promised
 from orchestrator.diagnosis.problem import Problem, Vector
-from orchestrator.diagnosis.scan import Column, Scan, Score, scores
+from orchestrator.diagnosis.scan import SEGMENTS, Column, Scan, Score, scores
 from orchestrator.diagnosis.store import Store
 
 EVIDENCE = 500.0  # chi-square that a term must take; 99 % of healthy draws: below 17 (docs/diagnosis-calibration.md)
@@ -31,9 +33,12 @@ CLOSE = 0.98  # of a promise that was kept, from which on another term is tried 
 RIVAL = 0.3  # of the best promise, that another term's promise must have to be tried against it
 WORTH = 0.1  # of what the re-fit leaves above noise, that a term must take where a campaign says what to look at
 ONSET = 1e-3  # s; to which an onset is refined
+SETTLED = 0.02  # of what is above noise, that a re-fit may leave to its next step
+HOPELESS = 0.6  # of what another term takes, that a term falls short of
 ROUGHLY = 0.01  # precision of fits that only compete, as a share of what is above noise
 
 Progress = Callable[[str], None]
+CHI2 = attrgetter("chi2")
 
 
 @dataclass
@@ -150,8 +155,13 @@ class Namer:
         return {s.term.name for s in ranked[:POINTED]}
 
     def to_its_end(self, best: Fit) -> Fit:
-        """The fit itself, or a better one where its Jacobian still promises as much as a term would have to take."""
-        if promised(best) < EVIDENCE:
+        """The fit itself, or a better one where its Jacobian still promises what could be taken for a term.
+
+        A large term's claim is checked without it anyhow, so that a small share of what is above noise may be left.
+        """
+        if promised(best) < max(
+            EVIDENCE, min(SETTLED * (best.chi2 - self.problem.samples), 0.5 * BEYOND_DOUBT * EVIDENCE)
+        ):
             return best
         found = fit(self.problem, best.hypothesis, best.x, settled=10.0, roughly=0.002, fresh_most=3)
         return found if found is not None and found.cost < best.cost else best
@@ -221,7 +231,7 @@ class Namer:
         for score in tried:
             if score.gain < enough:
                 break
-            found = self.with_best_onset(best, score.active)
+            found = self.with_best_onset(best, score.active, min((f.cost for f in fits.values()), default=np.inf))
             if found is None or found.cost >= best.cost:
                 continue
             fits[score.term.name] = found
@@ -240,8 +250,11 @@ class Namer:
         fresh = 3 if self.unexplained(found) else 0
         return fit_on(self.problem, found, settled=10.0, roughly=0.002, fresh=fresh) or found
 
-    def with_best_onset(self, best: Fit, active: Active) -> Fit | None:
-        """The term from the start, and, where the score test says so, from later on: the better fit of both."""
+    def with_best_onset(self, best: Fit, active: Active, lowest: float = np.inf) -> Fit | None:
+        """The term from the start, and, where the score test says so, from later on: the better fit of both.
+
+        lowest: cost of another term's fit; where this one comes nowhere near it, its onset need not be exact.
+        """
         active = self.sized(best, active)
         rough = partial(fit_added, self.problem, best, most=10, fresh=0, settled=20.0, roughly=ROUGHLY)
         always = rough(replace(active, onset=None))
@@ -254,7 +267,8 @@ class Namer:
         later = rough(active)
         if later is None or (always is not None and always.cost <= later.cost):
             return always
-        return self.with_onset(later)
+        hopeless = later.cost - lowest > HOPELESS * (best.cost - lowest)
+        return later if hopeless else self.with_onset(later)
 
     def sized(self, best: Fit, active: Active) -> Active:
         """The term at that multiple of the score test's amplitude which fits best as it is.
@@ -268,24 +282,54 @@ class Namer:
         return tried[int(np.argmin(costs))]
 
     def with_onset(self, found: Fit) -> Fit:
-        """The last term's onset, or where it has these its beginning and length, refined by halving.
+        """The last term's onset, or where it has these its beginning and length, refined with all else as it is.
 
-        A gradient does not see an edge that lies elsewhere.
+        A gradient does not see an edge that lies elsewhere. What is missed or too much grows with the distance from
+        the true onset, on both sides: a valley, seen from steps of a quarter segment, is gone down by golden section.
+        The two edges of an episode are moved by halving.
         """
-        active = found.hypothesis.active[-1]
-        if active.onset is None and active.term.episode is None:
+        active, best = found.settled().active[-1], found
+        segment = float(self.problem.times().max()) / SEGMENTS
+
+        def left_from(onset: float) -> float:
+            nonlocal best
+            trial = self.moved(found, [replace(active, onset=float(onset))])[0]
+            best = best if trial is None else min(best, trial, key=CHI2)
+            return np.inf if trial is None else trial.chi2
+
+        if active.onset is not None:
+            onsets = active.onset + segment * np.arange(-1.0, 1.1, 0.25)
+            trials = self.moved(found, [replace(active, onset=float(t)) for t in onsets if t > 0 and t != active.onset])
+            best = min((best, *filter(None, trials)), key=CHI2)
+            middle = best.hypothesis.active[-1].onset or 0.0
+            around = max(middle - segment / 4, 0.0), middle + segment / 4
+            minimize_scalar(left_from, bounds=around, method="bounded", options={"xatol": ONSET})
+        elif active.term.episode:
+            width = segment / 2
+            while width > ONSET:
+                trials = self.moved(found, _at_other_times(best.settled().active[-1], width))
+                nearest = min((best, *filter(None, trials)), key=CHI2)
+                width = width / 2 if nearest is best else width
+                best = nearest
+        else:
             return found
-        best, width = found, float(self.problem.times().max()) / 32
-        while width > ONSET:
-            settled = best.settled()
-            x, J = base_start(settled, best), _settled_jacobian(found)
-            trials = [replace_last(settled, active) for active in _at_other_times(settled.active[-1], width)]
-            for hypothesis, simulated in zip(trials, self.problem.simulate([t.run(x) for t in trials]), strict=True):
-                rest = self.problem.recorded - simulated.white if simulated is not None else best.residual
-                if simulated is not None and float(rest @ rest) < best.chi2:
-                    best = Fit(hypothesis, x, float(rest @ rest), rest, simulated, J, 0)
-            width = width if any(best.hypothesis is t for t in trials) else width / 2
         return fit_on(self.problem, best, settled=5.0, roughly=ROUGHLY, most=4) or best
+
+    def moved(self, found: Fit, actives: Sequence[Active]) -> list[Fit | None]:
+        """A fit with other last terms, all else as it is. None: that cannot be simulated."""
+        settled = found.settled()
+        x, J = base_start(settled, found), _settled_jacobian(found)
+        hypotheses = [replace_last(settled, active) for active in actives]
+        fits: list[Fit | None] = []
+        for hypothesis, simulated in zip(
+            hypotheses, self.problem.simulate([h.run(x) for h in hypotheses]), strict=True
+        ):
+            if simulated is None:
+                fits.append(None)
+                continue
+            rest = self.problem.recorded - simulated.white
+            fits.append(Fit(hypothesis, x, float(rest @ rest), rest, simulated, J, 0))
+        return fits
 
 
 def scaled(active: Active, k: float) -> Active:
@@ -296,9 +340,7 @@ def scaled(active: Active, k: float) -> Active:
 
 
 def _at_other_times(active: Active, width: float) -> list[Active]:
-    """The onset moved; of an episode either edge or both, its impulse kept."""
-    if active.onset is not None:
-        return [replace(active, onset=t) for t in (active.onset - width, active.onset + width) if t > 0]
+    """Either edge of an episode moved, or both; its impulse kept."""
     assert active.term.episode
     begin, length = active.term.episode
     t_0, T_d = active.values[begin], active.values[length]

@@ -44,7 +44,7 @@ def count(pattern: Path, out: Path, campaigns: int, seconds: float, seed: int, j
     missing = sorted(set(range(campaigns)) - {row["k"] for row in rows})
     out.parent.mkdir(parents=True, exist_ok=True)
     chunks = [missing[n : n + 4] for n in range(0, len(missing), 4)]  # a worker loads the units once per chunk
-    work = (delayed(_chunk)(pattern, seconds, seed, ks) for ks in chunks)
+    work = (delayed(diagnosed)(pattern, seconds, seed, ks) for ks in chunks)
     for found in Parallel(n_jobs=jobs, return_as="generator_unordered")(work):
         with out.open("a") as file:
             file.writelines(json.dumps(row) + "\n" for row in found)
@@ -57,7 +57,8 @@ def read(path: Path) -> list[Row]:
     return [json.loads(line) for line in path.read_text().splitlines()] if path.is_file() else []
 
 
-def _chunk(pattern: Path, seconds: float, seed: int, ks: Sequence[int]) -> list[Row]:
+def diagnosed(pattern: Path, seconds: float, seed: int, ks: Sequence[int]) -> list[Row]:
+    """The campaigns number `ks` of a seed drawn, diagnosed and judged, one row each."""
     campaign = load_campaign(pattern, roles=("train",))
     with FmuPlant({setup: load_system(path) for setup, path in campaign.setups.items()}) as plant:
         concealer = Concealer(campaign, plant, seconds)

@@ -169,16 +169,17 @@ class Namer:
     def without_last(self, best: Fit, winner: Fit) -> Fit | None:
         """What went before, fitted from where the winner has it, its last term's share taken over by the others.
 
-        A fit that ended early, or in a side valley, leaves room for a term that only helps it on. None: it is beyond
+        A fit that ended early, or in a side valley, leaves room for a term that only helps it on. What may stand in for
+        the term is asked of its own unit's parameters first: a gap that is too narrow is a gap. None: it is beyond
         doubt that the term is needed.
         """
         coordinates, term = winner.hypothesis.coordinates, winner.hypothesis.active[-1].term
         names = {c.names[0] for c in best.hypothesis.coordinates}
         kept = [k for k, c in enumerate(coordinates) if c.names[0] in names]
         last = [k for k, c in enumerate(coordinates) if c.names[0] == term.amplitude]
-        needed = loss_without(winner, term.name) > BEYOND_DOUBT * EVIDENCE
-        J = None if needed else difference(self.problem, winner.hypothesis, winner.x, winner.simulated)
-        J = winner.jacobian if J is None else J
+        J = self.renewed(winner, [k for k in kept if coordinates[k].component == term.component])
+        needed = loss_without(replace(winner, jacobian=J), term.name) > BEYOND_DOUBT * EVIDENCE
+        J = J if needed else self.renewed(winner, range(len(coordinates)))
         share = np.linalg.lstsq(J[:, kept], J[:, last] @ winner.x[last], rcond=1e-8)[0]
         hypothesis = replace(winner.hypothesis, active=winner.hypothesis.active[:-1])
         x = winner.x[kept] + share
@@ -188,6 +189,13 @@ class Namer:
             if begun is None or begun.cost >= best.cost:
                 return None
         return again(most=15, fresh_most=2)
+
+    def renewed(self, found: Fit, columns: Sequence[int]) -> Vector:
+        """The fit's Jacobian, these columns by differences where it stands; as it is where that cannot be simulated."""
+        J, fresh = found.jacobian.copy(), difference(self.problem, found.hypothesis, found.x, found.simulated, columns)
+        if fresh is not None:
+            J[:, columns] = fresh
+        return J
 
     def without_patches(self, best: Fit, named: list[Named]) -> tuple[Fit, list[Named]]:
         """Without earlier terms that the last one made needless: what stood in for it while it was off."""

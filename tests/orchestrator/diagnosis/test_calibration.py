@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from orchestrator.diagnosis.calibration import fitted_confidence, judge, tables
+from orchestrator.diagnosis.calibration import diagnosed, fitted_confidence, judge, tables
 from orchestrator.diagnosis.campaign import Logged
 from orchestrator.diagnosis.concealed import SIZES, Concealer, Drawn
 from orchestrator.diagnosis.engine import diagnose_plant
@@ -53,6 +54,14 @@ def test_a_large_effect_of_the_axis_is_named() -> None:
             rows.append(judge(found, diagnose_plant(found.campaign, axis)))
     assert len(rows) >= 2
     assert all(row["effects"][0]["named"] for row in rows)
+
+
+@pytest.mark.long
+def test_a_gap_at_the_end_of_a_side_valley_is_not_called_excess_backlash() -> None:
+    pattern = Path(__file__).parents[3] / "proof/open/case04/campaign.toml"
+    (row,) = diagnosed(pattern, 2.0, 0, [208])  # healthy; its re-fit ends with a chi-square of 136,000 above noise
+    assert row["effects"] == []
+    assert row["verdict"] == "nothing_missing"
 
 
 def test_confidences_are_fitted_to_counts() -> None:

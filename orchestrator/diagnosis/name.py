@@ -31,7 +31,8 @@ POINTED = 8  # terms that are looked at again after the first was added
 HALF = 0.5  # of the structure that the terms before leave, that a later one may leave: a patch on a form leaves more
 CLOSE = 0.98  # of a promise that was kept, from which on another term is tried all the same
 RIVAL = 0.3  # of the best promise, that another term's promise must have to be tried against it
-WORTH = 0.1  # of what the re-fit leaves above noise, that a term must take where a campaign says what to look at
+WORTH = 0.1  # of what the re-fit leaves above noise, that the first term must take; all, where a campaign lists them
+INEXACT = 3e-5  # of what was taken before, that a later term must take: no form is known to better than half a percent
 ONSET = 1e-3  # s; to which an onset is refined
 SETTLED = 0.02  # of what is above noise, that a re-fit may leave to its next step
 HOPELESS = 0.6  # of what another term takes, that a term falls short of
@@ -115,14 +116,18 @@ class Namer:
             self.progress("the last fit had not come to its end")
             best = again
             so_far = replace(so_far, history=[*so_far.history[:-1], best])
-        gain = best.cost - winner.cost
+        gain, above = best.cost - winner.cost, best.chi2 - self.problem.samples
+        taken = so_far.history[0].chi2 - best.chi2
         if gain < EVIDENCE:
             return replace(so_far, done=len(ranking) > MOST_TERMS)
+        if gain < (INEXACT * taken if so_far.named else WORTH * above):
+            self.progress(f"{term} takes {gain:.0f} of {above:.0f} above noise: not worth a name")
+            return replace(so_far, done=True)
         if so_far.named and self.problem.excess(winner.residual) > HALF * self.problem.excess(best.residual):
             self.progress(f"{term} takes less than it leaves: a patch on a form that is somewhat off")
             return replace(so_far, done=True)
         alike = {n: f.cost - winner.cost for n, f in found.items() if n != term and self.as_good(f, winner)}
-        self.progress(f"{term} takes {gain:.0f} of {best.chi2 - self.problem.samples:.0f} above noise")
+        self.progress(f"{term} takes {gain:.0f} of {above:.0f} above noise")
         last, named = self.without_patches(winner, [*so_far.named, Named(term, gain, alike)])
         history = [*so_far.history[: len(named)], last]
         return replace(so_far, history=history, named=named)
@@ -192,7 +197,8 @@ class Namer:
 
     def renewed(self, found: Fit, columns: Sequence[int]) -> Vector:
         """The fit's Jacobian, these columns by differences where it stands; as it is where that cannot be simulated."""
-        J, fresh = found.jacobian.copy(), difference(self.problem, found.hypothesis, found.x, found.simulated, columns)
+        J = found.jacobian.copy()
+        fresh = difference(self.problem, found.hypothesis, found.x, found.simulated, columns) if columns else None
         if fresh is not None:
             J[:, columns] = fresh
         return J

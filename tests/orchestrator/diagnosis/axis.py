@@ -42,6 +42,7 @@ PUSH = term(
         ScannedShape("axis.push.T_d", (1e6,), 1e-6, 1e9, "s", logarithmic=True),
     ),
 )
+OFFSET = TermCandidate("sensor.offset", "offset", "", "sensor.offset.y_0", 0.0, -5.0, 5.0, "rad/s")
 
 
 class Axis:
@@ -55,8 +56,8 @@ class Axis:
         self.runs = 0
 
     def has(self, name: str, recording: Recording) -> bool:
-        """One component, in every set-up."""
-        return name.split(".")[0] == "axis"
+        """The axis and the sensor of its speed, in every set-up."""
+        return name.split(".")[0] in ("axis", "sensor")
 
     def simulate(
         self,
@@ -90,7 +91,7 @@ class Axis:
             tau += A * sin(n * phi + phi_0) if j >= from_A else 0.0
             w += STEP * (v["axis.k"] * u[j] - tau + tau_add[j] + push[j]) / v["axis.J"]
             phi += STEP * out[j, 1]
-        return {"w": out[:, 1].copy(), "axis.phi": out[:, 0], "axis.w": out[:, 1]}
+        return {"w": out[:, 1] + v.get("sensor.offset.y_0", 0.0), "axis.phi": out[:, 0], "axis.w": out[:, 1]}
 
 
 def campaign(

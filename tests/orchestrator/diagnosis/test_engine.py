@@ -15,7 +15,7 @@ from orchestrator.diagnosis.name import EVIDENCE, Namer
 from orchestrator.diagnosis.problem import Noise, Problem
 from orchestrator.diagnosis.scan import Scan
 from orchestrator.diagnosis.store import Store
-from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, ORDERS, PUSH, TERMS, Axis, campaign
+from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, OFFSET, ORDERS, PUSH, TERMS, Axis, campaign
 
 OFF = {"axis.J": 1.04e-3, "axis.d": 1.9e-3, "axis.tau_C": 0.0206}  # inside the tolerances
 
@@ -120,6 +120,12 @@ def test_an_effect_that_sets_in_during_the_run_is_dated() -> None:
     found = diagnose_plant(campaign(OFF | effect, onsets={"axis.cogging.A": 2.6}), Axis())
     assert [f.term for f in found.findings] == ["axis.cogging"]
     assert found.findings[0].onset == pytest.approx(2.6, abs=0.1)
+
+
+def test_a_term_of_a_unit_whose_parameters_are_all_known_is_named() -> None:
+    found = diagnose_plant(campaign({"sensor.offset.y_0": 0.3}), Axis((*TERMS, OFFSET)))
+    assert [f.term for f in found.findings] == ["sensor.offset"]
+    assert found.findings[0].parameters["sensor.offset.y_0"].value == pytest.approx(0.3, rel=0.02)
 
 
 @pytest.mark.parametrize(("begin", "length", "T"), [(2.13, 0.15, -0.03), (4.0, 1.2, -0.006)])

@@ -59,9 +59,10 @@ def main(results: Path, folder: Path) -> None:
         sys.exit(f"the tool is not what was committed:\n{changed}")
     copy(results, folder)
     files = sorted([*folder.glob("*/diagnosis.json"), *folder.glob("*/repaired*.ssd")])
+    commit = _git("log", "-1", "--format=%H", "--", "orchestrator", "fmus", "systems")
     content = {
-        "commit": _git("log", "-1", "--format=%H", "--", "orchestrator", "fmus", "systems"),
-        "tag": _git("tag", "--points-at", "HEAD") or None,
+        "commit": commit,
+        "tag": _git("tag", "--points-at", commit) or None,
         "thresholds": thresholds(name, scan, fit, unlisted, confidence),
         "files": {path.relative_to(folder).as_posix(): digest(path) for path in files},
     }

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 RATES = ("right", "located", "named", "unlisted", "healthy_with_a_claim", "false_claims")
-FIGURES = ("excess_error_removed_median", "onset_error_median_s", "brier")
+FIGURES = ("excess_error_removed_median", "onset_error_median_s", "brier", "seconds_median")
 
 
 def cell(value: Any) -> str:
@@ -20,7 +20,8 @@ def cell(value: Any) -> str:
 
 def main(folders: dict[str, Path]) -> None:
     """See the module."""
-    scores = {name: json.loads((folder / "scoreboard.json").read_text())["summary"] for name, folder in folders.items()}
+    read = {name: json.loads((folder / "scoreboard.json").read_text()) for name, folder in folders.items()}
+    scores = {name: score["summary"] | {"seconds_median": score["seconds_median"]} for name, score in read.items()}
     print("| | " + " | ".join(scores) + " |\n|---|" + "---|" * len(scores))
     for measure in (*RATES, *FIGURES):
         print(f"| {measure.replace('_', ' ')} | " + " | ".join(cell(s[measure]) for s in scores.values()) + " |")

@@ -16,7 +16,7 @@ import zipfile
 from pathlib import Path
 from types import ModuleType
 
-from orchestrator.diagnosis import confidence, fit, name, scan, unlisted
+from orchestrator.diagnosis import confidence, fit, leaders, name, scan, unlisted
 
 
 def digest(path: Path) -> str:
@@ -63,7 +63,7 @@ def main(results: Path, folder: Path) -> None:
     content = {
         "commit": commit,
         "tag": _git("tag", "--points-at", commit) or None,
-        "thresholds": thresholds(name, scan, fit, unlisted, confidence),
+        "thresholds": thresholds(name, leaders, scan, fit, unlisted, confidence),
         "files": {path.relative_to(folder).as_posix(): digest(path) for path in files},
     }
     frozen.write_text(json.dumps(content, indent=1) + "\n")

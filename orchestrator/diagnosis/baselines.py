@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from orchestrator.diagnosis.campaign import Campaign
 from orchestrator.diagnosis.compare import Simulator as Simulate
 from orchestrator.diagnosis.diagnosis import Diagnosis, Estimate
-from orchestrator.diagnosis.engine import SETTLED, noises
+from orchestrator.diagnosis.engine import noises
 from orchestrator.diagnosis.fit import Hypothesis, fit, tolerances
 from orchestrator.diagnosis.fmus import FmuPlant
 from orchestrator.diagnosis.plant import SimulationError
@@ -23,6 +23,7 @@ from orchestrator.diagnosis.store import Store
 from orchestrator.system.read import load_system
 
 SAMPLES = 500  # that a Gaussian process is fitted to: its cost grows with their cube
+CONVERGED = 0.003  # precision of the re-fit, as a share of what is above noise
 HEALTHY = 1.05  # whitened residual per sample up to which a re-fit says that nothing is missing
 
 
@@ -98,7 +99,7 @@ def _calibrate(campaign: Campaign) -> tuple[dict[str, Estimate], bool]:
     with FmuPlant({setup: load_system(path) for setup, path in campaign.setups.items()}) as plant:
         problem = Problem(plant, campaign.train, noises(campaign))
         bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
-        found = fit(problem, Hypothesis(tolerances(problem, bounds)), settled=10.0, roughly=SETTLED)
+        found = fit(problem, Hypothesis(tolerances(problem, bounds)), settled=10.0, roughly=CONVERGED)
         if found is None:
             raise SimulationError(f"{campaign.title}: the system as specified does not run through these recordings")
         units = {name: parameter.unit for name, parameter in plant.parameters.items()}

@@ -185,6 +185,11 @@ class Problem:
         """1 sigma of `excess` when only noise is left"""
         return float(np.sqrt(2 * self.rows / BLOCK))
 
+    def unexplained(self, residual: Vector) -> bool:
+        """Whether more is left than noise leaves."""
+        left, above = self.excess(residual), float(residual @ residual) - self.samples
+        return left > 3 * self.excess_scatter or above > 0.03 * self.samples
+
     def times(self) -> Vector:
         """Time of every row since its run began, s: (rows,)"""
         stacked = np.empty(self.rows)

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from joblib import Parallel, delayed
@@ -76,9 +77,17 @@ def prove(
     score = scoreboard({case: answers[case] for case in cases if case in answers}, out) if answers is not None else None
     if score is not None:
         score["baseline"] = baseline
+        score["seconds_median"] = _seconds(cases, out)
         write_atomically(out / "scoreboard.json", lambda file: file.write_text(json.dumps(score, indent=1) + "\n"))
     broken = broken_seals(answers, seals) if answers is not None and seals is not None else None
     return Proof(sorted(results, key=lambda r: r.case), broken, score)
+
+
+def _seconds(cases: list[str], out: Path) -> float | None:
+    """Median of what the diagnoses took; None where none says it."""
+    answers = [read_object(out / case / "diagnosis.json")[0] for case in cases]
+    seconds = [answer["seconds"] for answer in answers if answer and answer.get("seconds")]
+    return round(median(seconds), 1) if seconds else None
 
 
 def _published(path: Path) -> dict[str, Any] | None:

@@ -15,7 +15,7 @@ from orchestrator.diagnosis.score import seal
 from orchestrator.errors import UserError
 
 CAMPAIGN = 'title = "c"\nsystem = "joint"\n[[recording]]\nfile = "load.parquet"\nsetup = "loaded"\nrole = "train"\n'
-HEALTHY = {"verdict": "nothing_missing", "findings": []}
+HEALTHY = {"verdict": "nothing_missing", "findings": [], "seconds": 40.0}
 WRONG = {"verdict": "explained", "findings": [{"term": "motor_bldc.cogging", "equivalent": [], "confidence": 0.9}]}
 
 
@@ -43,6 +43,7 @@ def test_finished_cases_are_kept_as_they_are_and_scored(tmp_path: Path) -> None:
     assert proof.score
     assert proof.score["summary"]["right"] == {"k": 2, "n": 3, "rate": 0.6667, "ci95": [0.208, 0.939]}
     assert proof.score["summary"]["healthy_with_a_claim"]["k"] == 1
+    assert proof.score["seconds_median"] == 40.0
     assert json.loads((tmp_path / "scoreboard.json").read_text())["summary"] == proof.score["summary"]
 
 

@@ -60,6 +60,9 @@ class Leaders:
         near = {n: f for n, f in fits.items() if f.cost - lowest < 0.3 * max(best.cost - lowest, 0.0)}
         near = dict(sorted(near.items(), key=lambda item: item[1].cost)[:POLISHED])
         polished = {n: self.polished(f) for n, f in near.items()}
+        if len(polished) > 1 and not any(self.problem.unexplained(f.residual) for f in polished.values()):
+            ended = {n: fit_on(self.problem, f, settled=2.0, fresh=2) for n, f in polished.items()}
+            polished = {n: ended[n] or f for n, f in polished.items()}  # only at their ends can such be told apart
         return dict(sorted(polished.items(), key=lambda item: item[1].cost))
 
     def polished(self, found: Fit) -> Fit:

@@ -34,8 +34,8 @@ static void unit_equations(Unit *m) {
     r *= 1 + A * cos(m->phi_p + phi_0);
   }
   const double x = m->belt_creep_x;
-  const double tau_belt =
-      (m->belt_c_b * (way - m->phi_b - m->slip) + m->belt_d_b * (r * w_p - w_b)) / (1 + m->belt_d_b * x);
+  const double tau_belt = (m->belt_c_b * (way - m->phi_b - m->slip + m->stretch_add) + m->belt_d_b * (r * w_p - w_b)) /
+                          (1 + m->belt_d_b * x);
   m->der_slip = x * tau_belt;
   m->tau_belt = tau_belt;
 
@@ -44,7 +44,8 @@ static void unit_equations(Unit *m) {
   if (m->tau_h > 0) tau_p -= m->tau_h * sgn(w_p, m->hand_w_h);
   if (m->imbalance_G != 0) tau_p -= m->imbalance_G * sin(m->phi_p + m->imbalance_phi_0);
   if (m->position_friction_T != 0)
-    tau_p -= m->position_friction_T * sin(m->position_friction_n * m->phi_p + m->position_friction_phi_0) *
+    tau_p -= m->position_friction_T *
+             (m->position_friction_m + sin(m->position_friction_n * m->phi_p + m->position_friction_phi_0)) *
              sgn(w_p, m->position_friction_w_0);
   if (m->touched[0]) tau_p += m->external_torque_T;
   m->der_w_p = tau_p / m->pulley_J_p;

@@ -12,7 +12,7 @@ static inline double half_gap(const Unit *m) { return fmax(0, m->mesh_b + m->bac
 
 /* twist of the mesh and its rate, at the output */
 static inline double twist(const Unit *m, double *rate) {
-  double delta = m->phi / m->N[0] - m->phi_o, ddelta = m->w / m->N[0] - m->w_o;
+  double delta = m->phi / m->N[0] - m->phi_o + m->delta_add, ddelta = m->w / m->N[0] - m->w_o;
   if (m->transmission_error_A != 0) {
     const double n = m->transmission_error_n, angle = n * m->phi_o + m->transmission_error_phi_0;
     delta += m->transmission_error_A * sin(angle);

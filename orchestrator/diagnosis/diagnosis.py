@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -73,6 +74,23 @@ class Form:
 
 
 @dataclass(frozen=True)
+class Course:
+    """What acted at `port` (`component.variable`, an additive input) while these recordings were made, and only then.
+
+    courses: recording -> (time since its beginning, value), linear in between, 0 outside.
+    """
+
+    port: str
+    unit: str
+    courses: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
+
+    def to_json(self) -> dict[str, Any]:
+        """As diagnosis.json has it."""
+        courses = {name: {"t": t, "value": value} for name, (t, value) in self.courses.items()}
+        return {"port": self.port, "unit": self.unit, "recordings": courses}
+
+
+@dataclass(frozen=True)
 class Finding:
     """One missing effect."""
 
@@ -84,6 +102,7 @@ class Finding:
     where: dict[str, Any]
     gain: float  # evidence: chi-square that it takes away, corrected for the noise's colour
     shape: Form | None = None
+    course: Course | None = None
     words: str = ""
 
     @property
@@ -104,7 +123,7 @@ class Finding:
             "evidence": self.gain,
             "words": self.words,
             "shape": self.shape.to_json() if self.shape else None,
-        }
+        } | ({"course": self.course.to_json()} if self.course else {})
 
 
 @dataclass(frozen=True)
@@ -143,6 +162,14 @@ class Diagnosis:
         """Values to simulate that variant with."""
         chosen = {"nominal": {}, "calibrated": self.calibrated, "repaired": self.repaired}[variant]
         return {name: estimate.value for name, estimate in chosen.items()}
+
+    def courses(self) -> dict[str, dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]]:
+        """Recording -> port -> (time, value) of what acted on the machine then."""
+        found: dict[str, dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]] = {}
+        for course in (f.course for f in self.findings if f.course):
+            for name, xy in course.courses.items():
+                found.setdefault(name, {})[course.port] = xy
+        return found
 
     def to_json(self) -> dict[str, Any]:
         """diagnosis.json: plain numbers, lists and strings."""

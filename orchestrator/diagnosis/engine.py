@@ -12,6 +12,7 @@ from orchestrator.diagnosis.campaign import Campaign
 from orchestrator.diagnosis.conditioning import condition
 from orchestrator.diagnosis.confidence import confidence
 from orchestrator.diagnosis.diagnosis import Candidate, Diagnosis, Estimate, Finding
+from orchestrator.diagnosis.episodes import look_for_episodes
 from orchestrator.diagnosis.experiment import next_experiment
 from orchestrator.diagnosis.fit import Fit, Hypothesis, fit, tolerances
 from orchestrator.diagnosis.fmus import FmuPlant
@@ -113,7 +114,11 @@ def _name(problem: Problem, calibrated: Fit, say: Progress, store: Store, basis:
     namer = Namer(problem, Scan(problem, terms), say, store)
     listed = namer.name(calibrated, basis)
     calibrated = listed.history[0]  # that of before, or a better one that naming came upon
-    unlisted = None if only else look_for_unlisted(problem, calibrated, listed, say)
+    unlisted = None
+    if not only:
+        unlisted = look_for_episodes(
+            problem, listed, lambda start: Namer(problem, Scan(problem, terms), say).name(start), say
+        ) or look_for_unlisted(problem, calibrated, listed, say)
     best, named = (unlisted.fit, unlisted.named) if unlisted else (listed.fit, listed.named)
     if not unlisted:
         best, named = (worth_naming if only else prune)(problem, calibrated, listed)
@@ -135,7 +140,8 @@ def _answer(problem: Problem, naming: Naming) -> Diagnosis:
     if left > 10 * problem.excess_scatter and findings:
         before = max(problem.excess(naming.calibrated.residual), left)
         notes.append(f"{100 * left / before:.1f} % of the slow structure in the residual is left unexplained")
-    verdict = "unlisted" if naming.unlisted else "explained" if findings else "nothing_missing"
+    beyond = any(f.term.endswith(".unlisted") for f in findings)
+    verdict = "unlisted" if beyond else "explained" if findings else "nothing_missing"
     if not findings and left > 30 * problem.excess_scatter:
         verdict = "undecided"
         notes.append("the recordings differ from the re-fitted base model, and nothing that was tried explains how")
@@ -152,13 +158,15 @@ def _answer(problem: Problem, naming: Naming) -> Diagnosis:
 
 
 def _finding(problem: Problem, naming: Naming, named: Named, repaired: Mapping[str, Estimate], left: float) -> Finding:
-    active = next(a for a in naming.fit.hypothesis.active if a.term.name == named.term)
+    on = {a.term.name: a for a in naming.fit.hypothesis.active}
+    active = on[named.term]
     alike = sorted(named.alike, key=named.alike.__getitem__)
     twins = [t for t, leader in naming.twins.items() if leader == named.term] + [
         naming.twins[named.term] for _ in (0,) if named.term in naming.twins
     ]
     equivalent = list(dict.fromkeys([*twins, *alike]))[: MOST_NAMES - 1]
-    parameters = {name: repaired[name] for name in active.values if name in repaired}
+    both = [active, *(on[t] for t in twins if t in on)]
+    parameters = {name: repaired[name] for a in both for name in a.values if name in repaired}
     where, words = locate(problem, naming.fit, active)
     return Finding(
         term=named.term,

@@ -33,6 +33,8 @@ class FmuPlant:
         self.terms = tuple(t for c in components.values() for t in _terms(c))
         offered = {name for system in self.systems.values() for name in system.inputs}
         self.ports = tuple(p for c in components.values() for p in _ports(c) if p.name in offered)
+        self.inputs = tuple(_inputs(systems))
+        self._connectors = {port.name: port.connector for port in self.inputs}
         self._idle: dict[str, queue.LifoQueue[Simulation]] = {setup: queue.LifoQueue() for setup in systems}
         self._all: list[Simulation] = []
 
@@ -60,6 +62,7 @@ class FmuPlant:
         signals: Sequence[str] = (),
     ) -> Signals:
         """See Plant.simulate."""
+        added = {self._connectors.get(port, port): x for port, x in (added or {}).items()}
         with self._simulation(recording.setup) as simulation:
             try:
                 return run_beside(
@@ -80,6 +83,20 @@ class FmuPlant:
             yield simulation
         finally:
             self._idle[setup].put(simulation)
+
+
+def _inputs(systems: Mapping[str, System]) -> Iterator[Port]:
+    """Every set-up's inputs that are 0 while nobody uses them, each once."""
+    known = set()
+    for system in systems.values():
+        for wire in system.connections:
+            name = f"{wire.sink_component}.{wire.sink}"
+            if wire.source_component is not None or wire.sink_component is None or name in known:
+                continue
+            unit = system.component(wire.sink_component).unit
+            if unit.variables[wire.sink].type == "Real" and not float(unit.variables[wire.sink].start or 0.0):
+                known.add(name)
+                yield Port(name, unit.unit_of(wire.sink) or "1", (), connector=wire.source)
 
 
 def _with_ports(system: System) -> System:

@@ -49,6 +49,7 @@ class FrequencyPlant:
         self.parameters: Mapping[str, Parameter] = self.plant.parameters
         self.terms: Sequence[TermCandidate] = self.plant.terms
         self.ports: Sequence[Port] = ()
+        self.inputs: Sequence[Port] = ()
         self.runs = {float(w): _run(experiment, float(w)) for w in omega}
         self.settle, self.output = experiment.settle, experiment.output
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from orchestrator.diagnosis.diagnosis import Candidate
 from orchestrator.diagnosis.fit import PRIOR, Fit, difference, fit, promised
-from orchestrator.diagnosis.leaders import ROUGHLY, Leaders, base_start, settled_jacobian
+from orchestrator.diagnosis.leaders import ROUGHLY, Leaders, base_start, fit_added, settled_jacobian
 from orchestrator.diagnosis.problem import Problem, Vector
 from orchestrator.diagnosis.scan import Column, Scan, Score, scores
 from orchestrator.diagnosis.store import Store
@@ -120,7 +120,7 @@ class Namer:
             return replace(so_far, done=True)
         alike = {n: f.cost - winner.cost for n, f in found.items() if n != term and self.as_good(f, winner)}
         self.progress(f"{term} takes {gain:.0f} of {above:.0f} above noise")
-        last, named = self.without_patches(winner, [*so_far.named, Named(term, gain, alike)])
+        last, named = self.without_patches(self.in_twins_too(winner), [*so_far.named, Named(term, gain, alike)])
         history = [*so_far.history[: len(named)], last]
         return replace(so_far, history=history, named=named)
 
@@ -145,6 +145,32 @@ class Namer:
             if winner is not None and best.cost - winner.cost >= EVIDENCE:
                 return ranked, found, winner
         return ranked, found, None
+
+    def in_twins_too(self, winner: Fit) -> Fit:
+        """Where the last term is as large as it can be, the same term also in the unit that responds alike.
+
+        All of a shaft's friction rests on bristles: the motor's is half of it.
+        """
+        last, k = winner.settled().active[-1], self._amplitude(winner)
+        if winner.x[k] < winner.hypothesis.coordinates[k].upper - 1e-6:
+            return winner
+        twins = self.scan.alike(last.term.name) - {last.term.name}
+        for other in (t for t in self.scan.terms if t.name in twins):
+            values = {name.replace(last.term.name, other.name, 1): value for name, value in last.values.items()}
+            found = fit_added(
+                self.problem, winner, replace(last, term=other, values=values),
+                most=15, fresh=2, settled=10.0, roughly=0.002,
+            )  # fmt: skip
+            if found is not None and winner.cost - found.cost > EVIDENCE:
+                self.progress(f"{other.name} as well")
+                winner = found
+        return winner
+
+    @staticmethod
+    def _amplitude(fit: Fit) -> int:
+        """The coordinate of the last term's amplitude."""
+        name = fit.hypothesis.active[-1].term.amplitude
+        return next(k for k, c in enumerate(fit.hypothesis.coordinates) if c.names[0] == name)
 
     def pointed_to(self, history: Sequence[Fit], active: Collection[str]) -> set[str]:
         """Terms that lead by the base model's sensitivities."""

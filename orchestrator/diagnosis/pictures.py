@@ -49,7 +49,8 @@ def all_pictures(
     first = _evidence(compared, d, noise)
     pictures.append(closer_look(first, noise, units))
     pictures += [residuals(c, quality, units) for c in [first, *(c for c in compared if c is not first)]]
-    return pictures + [shape_picture(f) for f in d["findings"] if _has_table(f)]
+    pictures += [shape_picture(f) for f in d["findings"] if _has_table(f)]
+    return pictures + [course_picture(f) for f in d["findings"] if f.get("course")]
 
 
 def before_and_after(d: Mapping[str, Any]) -> Picture:
@@ -169,6 +170,17 @@ def shape_picture(f: Mapping[str, Any]) -> Picture:
     figure.update_layout(height=300, xaxis_title=signal, yaxis_title=f"{shape['port']} / {shape['unit']}")
     words = f"What has to be added at {shape['port']}, over {signal}."
     return Picture(f"The shape of {f['term']}", words, as_html(figure))
+
+
+def course_picture(f: Mapping[str, Any]) -> Picture:
+    """What acted for a while, over the time of each recording."""
+    course = f["course"]
+    figure = go.Figure(
+        [go.Scatter(x=[0, *c["t"]], y=[0, *c["value"]], name=name) for name, c in course["recordings"].items()]
+    )
+    figure.update_layout(height=300, xaxis_title="time / s", yaxis_title=f"{course['port']} / {course['unit']}")
+    words = f"What acted at {course['port']} while these recordings were made. It is in no repaired system."
+    return Picture(f"The course of {f['term']}", words, as_html(figure))
 
 
 def envelope(

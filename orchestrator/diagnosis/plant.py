@@ -77,6 +77,7 @@ class Port:
     unit: str
     signals: tuple[str, ...]
     angles: tuple[str, ...] = ()  # those of `signals` that are angles of shafts
+    connector: str = ""  # of the system, where it leads there
 
     @property
     def component(self) -> str:
@@ -93,6 +94,10 @@ class Plant(Protocol):
     def terms(self) -> Sequence[TermCandidate]: ...
     @property
     def ports(self) -> Sequence[Port]: ...
+    @property
+    def inputs(self) -> Sequence[Port]:
+        """The system's own inputs that are 0 unless used, by where they lead. Not logged, they may have been used."""
+        ...
 
     def simulate(
         self,

@@ -28,7 +28,8 @@ def onsets(findings: list[Mapping[str, Any]], systems: Mapping[str, System]) -> 
     for component in {c.name: c for system in systems.values() for c in system.components}.values():
         for term in component.unit.terms:
             for finding in findings:
-                if finding["term"] == f"{component.name}.{term.name}" and finding.get("onset") and term.amplitude:
+                named = f"{component.name}.{term.name}" in (finding["term"], *finding.get("equivalent", ()))
+                if named and finding.get("onset") and term.amplitude:
                     found[f"{component.name}.{term.amplitude}"] = float(finding["onset"])
     return found
 

@@ -44,15 +44,17 @@ class Choice:
         return self.columns[0].port
 
 
-def respond(problem: Problem, start: Fit, port: Port, features: Mapping[str, Mapping[str, Vector]]) -> list[Column]:
-    """One run per feature (form -> recording -> values)."""
+def respond(
+    problem: Problem, start: Fit, port: Port, features: Mapping[str, Mapping[str, Vector]], only: int | None = None
+) -> list[Column]:
+    """One run per feature (form -> recording -> values). only: the one recording that the features are of."""
     runs, sizes = [], []
     for feature in features.values():
         size = max(float(np.sqrt(np.mean(v**2))) for v in feature.values()) or 1.0
         sizes.append(PROBE.get(port.unit, 1e-3) / size)
         added = {name: {port.name: sizes[-1] * v} for name, v in feature.items()}
         runs.append(Run(start.run.values, start.run.onsets, merged(start.run.added, added), (port.component,)))
-    found = problem.simulate(runs, start.simulated)
+    found = problem.simulate(runs, start.simulated, [only] * len(runs))
     return [
         Column(port, form, values, (f.white - start.simulated.white) / size)
         for (form, values), f, size in zip(features.items(), found, sizes, strict=True)

@@ -53,7 +53,8 @@ def diagnose_campaign(
     quality = condition(campaign)
     if discrepancy := getattr(diagnosis, "discrepancy", None):
         write_atomically(out / DISCREPANCY, lambda file: joblib.dump(discrepancy, file))
-    compared = compare_systems(campaign, campaign.recordings, out, diagnosis.parameters("calibrated"))
+    calibrated, courses = diagnosis.parameters("calibrated"), diagnosis.courses()
+    compared = compare_systems(campaign, campaign.recordings, out, calibrated, courses)
     diagnosis.channels = channels(compared, quality)
     content = diagnosis.to_json()
     say("reporting")

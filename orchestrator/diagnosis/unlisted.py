@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from orchestrator.diagnosis.confidence import confidence
 from orchestrator.diagnosis.diagnosis import Estimate, Feature, Finding, Form
 from orchestrator.diagnosis.features import Dictionary
 from orchestrator.diagnosis.fit import Fit
+from orchestrator.diagnosis.late import look_late
 from orchestrator.diagnosis.locate import locate_gain
 from orchestrator.diagnosis.name import EVIDENCE, Named, Naming
 from orchestrator.diagnosis.plant import Port
@@ -85,6 +86,9 @@ def _look(problem: Problem, start: Fit, named: list[Named], say: Callable[[str],
     choices = [p.choice for p in places if p.choice is not None]
     best = max(choices, key=lambda choice: choice.gain, default=None)
     found = _answer(problem, start, named, best) if best else None
+    if found is None or found.taken < ENOUGH:
+        late = _late(problem, start, named, places, found.taken if found else 0.0, say)
+        found = late or found
     if found is None or found.taken < WHOLE:
         near = [p.port for p in places[:2] if p.points > NEAR * places[0].points]
         table = look_for_table(problem, start, near, say)
@@ -144,8 +148,27 @@ def _alike(a: Sequence[Column], b: Sequence[Column]) -> bool:
     return bool(abs(u @ v) > TWINS * np.linalg.norm(u) * np.linalg.norm(v))
 
 
+def _late(
+    problem: Problem, start: Fit, named: list[Named], places: Sequence[Place], taken: float, say: Callable[[str], None]
+) -> Unlisted | None:
+    """A form that sets in during the runs and leaves SEVERAL times less than one that was always there."""
+    say("forms that set in later")
+    near = [p for p in places[:2] if p.columns and p.points > NEAR * places[0].points]
+    tried = [late for p in near if (late := look_late(problem, start, p.columns)) is not None]
+    if not tried:
+        return None
+    choice, onset = max(tried, key=lambda late: late[0].gain)
+    found = _answer(problem, start, named, choice, onset=onset)
+    return found if found is not None and 1 - found.taken < (1 - taken) / SEVERAL else None
+
+
 def _answer(
-    problem: Problem, start: Fit, named: list[Named], choice: Choice, table: Table | None = None
+    problem: Problem,
+    start: Fit,
+    named: list[Named],
+    choice: Choice,
+    table: Table | None = None,
+    onset: float | None = None,
 ) -> Unlisted | None:
     """The choice with everything else re-fitted; None: it does not hold."""
     found = refit(problem, start, choice)
@@ -157,7 +180,7 @@ def _answer(
         return None
     form = _table_form(choice.port, table, taken) if table else _formula(choice, taken)
     alike = equally_good(problem, start, choice)
-    finding = _finding(problem, start, found, form, choice.port, alike, gained)
+    finding = replace(_finding(problem, start, found, form, choice.port, alike, gained), onset=onset)
     return Unlisted(found, named, finding, taken)
 
 

@@ -9,12 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import joblib
+import numpy as np
 import pyarrow.parquet
+from numpy.typing import NDArray
 
 from orchestrator.diagnosis.campaign import Campaign
 from orchestrator.diagnosis.compare import Comparison, channel_figures, compare, table
 from orchestrator.diagnosis.compare import Simulator as Simulate
 from orchestrator.diagnosis.conditioning import condition
+from orchestrator.diagnosis.fmus import FmuPlant
 from orchestrator.diagnosis.recording import Recording
 from orchestrator.diagnosis.repair import repair
 from orchestrator.diagnosis.score import read_object
@@ -24,6 +27,7 @@ from orchestrator.errors import UserError
 from orchestrator.system.model import System
 from orchestrator.system.read import load_system
 
+Courses = Mapping[str, Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]]  # recording -> port -> (t, value)
 DISCREPANCY = "discrepancy.joblib"  # of a baseline that corrects outputs instead of the system
 
 
@@ -59,21 +63,36 @@ def read_diagnosis(folder: Path) -> dict[str, Any]:
 
 
 def compare_systems(
-    campaign: Campaign, recordings: Sequence[Recording], folder: Path, calibrated: Mapping[str, float]
+    campaign: Campaign,
+    recordings: Sequence[Recording],
+    folder: Path,
+    calibrated: Mapping[str, float],
+    courses: Courses | None = None,
 ) -> list[Comparison]:
     """Recordings beside the system as specified, as re-fitted, and as repaired: the last are the SSP files of the
-    folder.
+    folder, in the recordings of `courses` with what acted on the machine then.
     """
     nominal = {setup: load_system(path) for setup, path in campaign.setups.items()}
     with ExitStack() as stack:
         simulators: dict[str, Simulate] = {
             "nominal": stack.enter_context(Simulator(nominal)),
             "calibrated": stack.enter_context(Simulator(nominal, calibrated)),
-            "repaired": stack.enter_context(Simulator(repaired_systems(campaign, folder))),
+            "repaired": acted_on(stack.enter_context(FmuPlant(repaired_systems(campaign, folder))), courses or {}),
         }
         if (folder / DISCREPANCY).is_file():
             simulators["repaired"] = joblib.load(folder / DISCREPANCY).around(simulators["repaired"])
         return compare(recordings, simulators)
+
+
+def acted_on(plant: FmuPlant, courses: Courses) -> Simulate:
+    """The systems with what acted on them in some of the recordings."""
+
+    def simulate(recording: Recording) -> Mapping[str, NDArray[np.float64]]:
+        time = recording.time - recording.time[0]
+        added = {port: np.interp(time, t, value) for port, (t, value) in courses.get(recording.name, {}).items()}
+        return plant.simulate({}, recording, added=added)
+
+    return simulate
 
 
 def repaired_systems(campaign: Campaign, folder: Path) -> dict[str, System]:

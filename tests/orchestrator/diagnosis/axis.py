@@ -48,6 +48,7 @@ OFFSET = TermCandidate("sensor.offset", "offset", "", "sensor.offset.y_0", 0.0, 
 class Axis:
     """J dw/dt = k u - tau_C tanh(w/0.5) - d w - terms + tau_add, dphi/dt = w; Euler at the recording's step."""
 
+    inputs = ()
     ports = (Port("axis.tau_add", "N.m", ("axis.phi", "axis.w"), ("axis.phi",)),)
 
     def __init__(self, terms: Sequence[TermCandidate] = TERMS) -> None:

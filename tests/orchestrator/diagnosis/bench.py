@@ -10,7 +10,7 @@ import numpy as np
 
 from orchestrator.diagnosis.fit import Fit, Hypothesis, fit, tolerances
 from orchestrator.diagnosis.fmus import FmuPlant
-from orchestrator.diagnosis.problem import Noise, Problem
+from orchestrator.diagnosis.problem import Noise, Problem, Vector
 from orchestrator.diagnosis.recording import Recording
 from orchestrator.system.read import load_system
 
@@ -19,15 +19,19 @@ UNITS = {"i_motor": "A", "w_motor": "rad/s", "tau_sensor": "N.m"}
 SETUPS = {"loaded": "joint_logged", "no_load": "joint_no_load_logged"}
 FREE = {"motor_bldc.friction.tau_C": 0.2, "motor_bldc.friction.d": 0.2, "mr_brake_belt.brake.tau_off": 0.25}
 SECONDS = 4.0
+TIME = np.arange(0, SECONDS + 5e-4, 1e-3)
 
 
 def recordings(
-    plant: FmuPlant, concealed: Mapping[str, float], onsets: Mapping[str, float] | None = None, seed: int = 1
+    plant: FmuPlant,
+    concealed: Mapping[str, float],
+    onsets: Mapping[str, float] | None = None,
+    seed: int = 1,
+    added: Mapping[str, Vector] | None = None,
 ) -> list[Recording]:
-    """One loaded and one run without load, both forwards and back."""
+    """One loaded and one run without load, both forwards and back. added: port -> signal over `TIME` in the former."""
     rng = np.random.default_rng(seed)
-    time = np.arange(0, SECONDS + 5e-4, 1e-3)
-    found = []
+    time, found = TIME, []
     for setup in SETUPS:
         inputs = {"v_command": np.interp(time, [0.2, 0.8, 2.0, 2.6, 3.6], [0, 9, 9, -5, -2])}
         if setup == "loaded":
@@ -36,7 +40,8 @@ def recordings(
         run = Recording(setup, "train", setup, time, inputs, {n: np.zeros(len(time)) for n in names}, UNITS)
         values = {name: value for name, value in concealed.items() if plant.has(name, run)}
         there = {name: t for name, t in (onsets or {}).items() if name in values}
-        clean = plant.simulate(values, run, onsets=there)
+        acting = {port: x for port, x in (added or {}).items() if plant.has(port, run)}
+        clean = plant.simulate(values, run, onsets=there, added=acting)
         noisy = {n: clean[n] + NOISE[n] * rng.standard_normal(len(time)) for n in names}
         found.append(replace(run, outputs=noisy))
     return found
@@ -44,11 +49,14 @@ def recordings(
 
 @contextmanager
 def calibrated(
-    concealed: Mapping[str, float], onsets: Mapping[str, float] | None = None
+    concealed: Mapping[str, float],
+    onsets: Mapping[str, float] | None = None,
+    added: Mapping[str, Vector] | None = None,
 ) -> Iterator[tuple[Problem, Fit]]:
     """The problem of finding what is concealed, and the base model re-fitted inside (some of) its tolerances."""
     with FmuPlant({setup: load_system(name) for setup, name in SETUPS.items()}) as plant:
-        problem = Problem(plant, recordings(plant, concealed, onsets), {n: Noise(s) for n, s in NOISE.items()}, jobs=1)
+        noise = {n: Noise(s) for n, s in NOISE.items()}
+        problem = Problem(plant, recordings(plant, concealed, onsets, added=added), noise, jobs=1)
         nominal = {name: plant.parameters[name].nominal for name in FREE}
         bounds = {name: (nominal[name] * (1 - share), nominal[name] * (1 + share)) for name, share in FREE.items()}
         found = fit(problem, Hypothesis(tolerances(problem, bounds)))

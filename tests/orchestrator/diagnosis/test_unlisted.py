@@ -16,7 +16,7 @@ from orchestrator.diagnosis.problem import Vector
 from orchestrator.diagnosis.repair import repair
 from orchestrator.system.model import Inputs
 from orchestrator.system.read import load_system
-from tests.orchestrator.diagnosis.axis import NOISE, SAMPLES, Axis, campaign
+from tests.orchestrator.diagnosis.axis import NOISE, SAMPLES, STEP, Axis, campaign
 
 OPEN = Path(__file__).parents[3] / "proof/open"
 OFF = {"axis.J": 1.04e-3, "axis.d": 1.9e-3, "axis.tau_C": 0.0206}  # inside the tolerances
@@ -67,6 +67,17 @@ def test_where_no_formula_holds_the_shape_is_a_table() -> None:
     assert abs(w[np.argmin(tau)] - 40) < 6
     assert np.min(tau) == pytest.approx(-8e-3, rel=0.3)
     assert np.max(np.abs(tau[(np.abs(w) < 25)])) < 3e-3
+
+
+def test_a_form_that_sets_in_during_the_runs_is_given_with_its_onset() -> None:
+    late = np.arange(SAMPLES) * STEP >= 2.2
+    found = diagnose_plant(concealed(lambda w, phi: -8e-3 * np.sin(3 * phi) * np.tanh(w / 1e-3) * late), Axis())
+    assert [f.term for f in found.findings] == ["axis.unlisted"]
+    (finding,) = found.findings
+    assert finding.onset == pytest.approx(2.2, abs=0.05)
+    assert finding.shape is not None
+    assert [f.form for f in finding.shape.features] == ["sin(3*phi)*sgn(w)"]
+    assert finding.shape.features[0].coefficient.value == pytest.approx(-8e-3, rel=0.1)
 
 
 def test_what_the_logger_makes_of_a_signal_has_its_noise_colour_and_steps() -> None:

@@ -80,23 +80,28 @@ class Inferred:
 
 
 def fitted(problem: Problem, inferred: Inferred) -> Inferred:
-    """Levenberg-Marquardt over the courses' parameters and, inside their bounds, all others."""
-    damping = DAMPING[0]
+    """Levenberg-Marquardt over the courses' parameters and, inside their bounds, all others.
+
+    Where steps no longer help and something is left, the others' Jacobian is renewed once.
+    """
+    damping, renewed = DAMPING[0], False
     for _ in range(STEPS):
+        before = inferred.fit.cost
         columns = responses(problem, inferred)
         squares, size = LeastSquares(inferred.fit, columns), np.array([c.vector @ c.vector for c in columns])
         size = np.where(size > 0, size, max(size.max(), 1.0))
         further = None
         while further is None and damping <= DAMPING[1]:
-            step = squares.gain(range(len(columns)), np.diag(damping * size))[1]
-            further = _stepped(problem, inferred, step)
+            further = _stepped(problem, inferred, squares.gain(range(len(columns)), np.diag(damping * size))[1])
             damping *= 0.2 if further else 10.0
-        if further is None:
-            break
-        gained, above = inferred.fit.cost - further.fit.cost, further.fit.chi2 - problem.samples
-        inferred = further
-        if gained < max(10.0, SETTLED * above):
-            break
+        inferred = further or inferred
+        above = inferred.fit.chi2 - problem.samples
+        if before - inferred.fit.cost < max(10.0, SETTLED * above):
+            if renewed or not problem.unexplained(inferred.fit.residual):
+                break
+            at, damping, renewed = inferred.fit, DAMPING[0], True
+            again = fit(problem, at.hypothesis, at.x, settled=5.0, roughly=SETTLED, most=8, fresh_most=2)
+            inferred = inferred if again is None else Inferred(inferred.port, inferred.courses, again)
     return inferred
 
 

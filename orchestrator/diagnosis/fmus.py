@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import queue
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -28,6 +29,7 @@ class FmuPlant:
     def __init__(self, systems: Mapping[str, System]) -> None:
         components = {c.name: c for system in systems.values() for c in system.components}
         self.systems = {setup: _with_ports(system) for setup, system in systems.items()}
+        self._bare = dict(systems)  # an input costs time even while nothing enters there
         self._there = {setup: {c.name for c in system.components} for setup, system in systems.items()}
         self.parameters = {p.name: p for c in components.values() for p in _parameters(c)}
         self.terms = tuple(t for c in components.values() for t in _terms(c))
@@ -35,7 +37,7 @@ class FmuPlant:
         self.ports = tuple(p for c in components.values() for p in _ports(c) if p.name in offered)
         self.inputs = tuple(_inputs(systems))
         self._connectors = {port.name: port.connector for port in self.inputs}
-        self._idle: dict[str, queue.LifoQueue[Simulation]] = {setup: queue.LifoQueue() for setup in systems}
+        self._idle: dict[tuple[str, bool], queue.LifoQueue[Simulation]] = defaultdict(queue.LifoQueue)
         self._all: list[Simulation] = []
 
     def __enter__(self) -> FmuPlant:
@@ -63,7 +65,7 @@ class FmuPlant:
     ) -> Signals:
         """See Plant.simulate."""
         added = {self._connectors.get(port, port): x for port, x in (added or {}).items()}
-        with self._simulation(recording.setup) as simulation:
+        with self._simulation(recording.setup, bool(added)) as simulation:
             try:
                 return run_beside(
                     simulation, recording, values, onsets=onsets, added=added, record=[*recording.outputs, *signals]
@@ -72,17 +74,18 @@ class FmuPlant:
                 raise SimulationError(f"{recording.name}: {error}") from error
 
     @contextmanager
-    def _simulation(self, setup: str) -> Iterator[Simulation]:
-        """One that no other thread uses."""
+    def _simulation(self, setup: str, ports: bool) -> Iterator[Simulation]:
+        """One that no other thread uses. ports: with the additive ones as inputs."""
+        idle = self._idle[setup, ports]
         try:
-            simulation = self._idle[setup].get_nowait()
+            simulation = idle.get_nowait()
         except queue.Empty:
-            simulation = Simulation(self.systems[setup])
+            simulation = Simulation((self.systems if ports else self._bare)[setup])
             self._all.append(simulation)
         try:
             yield simulation
         finally:
-            self._idle[setup].put(simulation)
+            idle.put(simulation)
 
 
 def _inputs(systems: Mapping[str, System]) -> Iterator[Port]:

@@ -18,6 +18,9 @@ BLOCK = 16  # samples
 ROUGH, SMOOTH = 0.15, 0.02  # impacts in a gap make single runs rough; amplitudes at a frequency are smooth
 
 
+Key = tuple[frozenset[tuple[str, float]], frozenset[tuple[str, float]]]
+
+
 @dataclass(frozen=True)
 class Noise:
     """Of a channel: 1 sigma in all, correlation from sample to sample; the converter's step: its rounding is white."""
@@ -49,6 +52,11 @@ class Run:
     touches: tuple[
         str, ...
     ] = ()  # components beside which nothing changes; recordings that lack them are not run again
+
+    @property
+    def key(self) -> Key:
+        """Same values and onsets, same run, where nothing else is added."""
+        return frozenset(self.values.items()), frozenset(self.onsets.items())
 
 
 @dataclass(frozen=True)
@@ -119,12 +127,16 @@ class Problem:
         return stacked
 
     def simulate(
-        self, runs: Sequence[Run], base: Simulated | None = None, only: Sequence[int | None] = ()
+        self,
+        runs: Sequence[Run],
+        base: Simulated | None = None,
+        only: Sequence[int | None] = (),
+        known: Mapping[tuple[Key, int], Signals] | None = None,
     ) -> list[Simulated | None]:
         """Every run in every recording; None where a simulation failed.
 
         base: a run from which `runs` differ only in `touches`. only: with a base, per run the one recording that is
-        simulated; the others stay as in the base.
+        simulated; the others stay as in the base. known: outputs of a run in a recording, simulated before.
         """
         jobs = [
             (k, n)
@@ -136,6 +148,10 @@ class Problem:
         outputs: list[list[Signals | None]] = [
             list(base.outputs) if base else [None] * len(self.recordings) for _ in runs
         ]
+        keys, known = [run.key for run in runs] if known else [], known or {}
+        for k, n in [job for job in jobs if known and (keys[job[0]], job[1]) in known]:
+            outputs[k][n] = known[keys[k], n]
+            jobs.remove((k, n))
         with ThreadPoolExecutor(self.jobs) as pool:
             for (k, n), found in zip(jobs, pool.map(lambda job: self._one(runs[job[0]], job[1]), jobs), strict=True):
                 outputs[k][n] = found

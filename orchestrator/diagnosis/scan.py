@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from orchestrator.diagnosis.fit import PRIOR, Active, Fit, bounded_step
 from orchestrator.diagnosis.orders import order_spectrum
-from orchestrator.diagnosis.plant import TermCandidate
-from orchestrator.diagnosis.problem import Problem, Run, Vector
+from orchestrator.diagnosis.plant import Signals, TermCandidate
+from orchestrator.diagnosis.problem import Key, Problem, Run, Vector
 
 SEGMENTS = 16  # of a run; an effect may set in at each of their borders
 ORDERS = 3  # whole orders per term that are simulated, of those that the residual's own order spectrum shows
@@ -62,6 +62,7 @@ class Scan:
         self.problem = problem
         self.terms = list(terms)
         self.probe: dict[str, float] = {}
+        self._simulated: dict[tuple[Key, int], Signals] = {}  # while probing, of one recording; a column asks for them
         self.twins: dict[str, str] = {}  # term -> term of the same name in another unit that responds alike
 
     def columns(self, fit: Fit, skip: Collection[str] = (), only: Collection[str] | None = None) -> list[Column]:
@@ -126,7 +127,7 @@ class Scan:
 
     def _run(self, fit: Fit, wanted: Sequence[tuple[TermCandidate, Mapping[str, float]]]) -> list[Column]:
         runs = [run for term, shape in wanted for run in _probes(fit.run, term, shape, self.probe[term.name])]
-        simulated = iter(self.problem.simulate(runs, fit.simulated))
+        simulated = iter(self.problem.simulate(runs, fit.simulated, known=self._simulated))
         columns = []
         for term, shape in wanted:
             vectors = [next(simulated) for _ in range(2 if term.phase else 1)]
@@ -148,12 +149,15 @@ class Scan:
         trial = {t.name: min(FIRST.get(t.unit, 1e-6), 0.5 * (t.upper - t.neutral)) for t in terms}
         one = {t.name: self._fullest(t) for t in terms}
         left = list(terms)
+        self._simulated.clear()  # they were beside another fit
         for _ in range(6):
             runs = [next(iter(_probes(fit.run, t, _middle(t, {}), trial[t.name]))) for t in left]
             again = []
             simulated = self.problem.simulate(runs, fit.simulated, [one[t.name] for t in left])
-            for term, found in zip(left, simulated, strict=True):
+            for term, run, found in zip(left, runs, simulated, strict=True):
                 size = np.sqrt(np.mean((found.white - fit.simulated.white) ** 2)) if found else np.inf
+                if found and (n := one[term.name]) is not None:
+                    self._simulated[run.key, n] = found.outputs[n]
                 if size < 1e-3:
                     one[term.name] = None
                 if 0.03 <= size <= 30 or (size < 0.03 and trial[term.name] >= 0.4 * (term.upper - term.neutral)):

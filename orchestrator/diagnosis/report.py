@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+import numpy as np
 
 from orchestrator.diagnosis import pictures
 from orchestrator.diagnosis.compare import Comparison
@@ -154,7 +155,7 @@ def _finding(f: Mapping[str, Any], terms: Mapping[str, TermText]) -> dict[str, A
         "where": shown,
         "parameters": f.get("parameters") or {},
         "equivalent": [(term, _title(term, terms)) for term in f.get("equivalent") or []],
-        "shape": _shape(f.get("shape")),
+        "shape": _shape(f.get("shape")) or _course(f.get("course")),
     }
 
 
@@ -179,6 +180,19 @@ def _shape(shape: Mapping[str, Any] | None) -> str | None:
     form = f"{shape['port']} = {shape['formula']}" if shape.get("formula") else f"a table at {shape['port']}"
     on = f", of {', '.join(shape['signals'])}" if shape.get("signals") else ""
     return f"{form}{on}; takes away {percent(min(shape.get('explains') or 0.0, 1.0))} of the structure"
+
+
+def _course(course: Mapping[str, Any] | None) -> str | None:
+    """What acted while recordings were made, in words: when, how much."""
+    if not course:
+        return None
+    said = []
+    for name, c in course["recordings"].items():
+        t, value = np.array(c["t"]), np.array(c["value"])
+        inner = np.split(np.arange(len(t)), np.flatnonzero((value[:-1] == 0) & (value[1:] == 0)) + 1)
+        times = [f"{t[k[0]]:.2f} to {t[k[-1]]:.2f} s {value[k][np.argmax(np.abs(value[k]))]:.3g}" for k in inner]
+        said.append(f"in {name} from {', '.join(times)} {course['unit']}")
+    return f"at {course['port']}: {'; '.join(said)}"
 
 
 def _channels(d: Mapping[str, Any], units: Mapping[str, str]) -> list[dict[str, Any]]:

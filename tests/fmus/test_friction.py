@@ -68,6 +68,14 @@ def test_asymmetry_resists_forwards_and_helps_backwards(make: Make, name: str, w
 
 
 @pytest.mark.parametrize("name", UNITS)
+@pytest.mark.parametrize("w", SPEEDS)
+def test_asymmetry_of_one_direction_leaves_the_other_as_it_is(make: Make, name: str, w: float) -> None:
+    term = {"friction_asymmetry.tau_A": 1e-4, "friction_asymmetry.m": 1.0}
+    expected = 1e-4 * (np.tanh(w) + 1) * np.tanh(w)
+    assert added(make, name, w, term) == pytest.approx(expected, rel=1e-6, abs=1e-15)
+
+
+@pytest.mark.parametrize("name", UNITS)
 @pytest.mark.parametrize("t", [0.0, 1.0, 4.0, 30.0])
 def test_warmup_fades_viscous_friction_with_run_time(make: Make, name: str, t: float) -> None:
     term = {"viscous_warmup.fade": 0.3, "viscous_warmup.T": 4.0}

@@ -94,6 +94,14 @@ def test_added_torques_act_on_their_shafts(make: Make) -> None:
     assert brake.rate("w_b") == pytest.approx(-0.2 / J_B)
 
 
+def test_added_angle_stretches_the_belt(make: Make) -> None:
+    brake = make("mr_brake_belt")
+    brake.set({"stretch_add": 0.01})
+    assert brake["tau_belt"] == pytest.approx(C_B * 0.01)
+    assert brake.rate("w_b") == pytest.approx(C_B * 0.01 / J_B)
+    assert brake.rate("w_p") == pytest.approx(-R * C_B * 0.01 / J_P)
+
+
 @pytest.mark.parametrize("tau_s", [3.0, -3.0])
 def test_hand_lets_nothing_but_its_smoothed_creep_through(make: Make, tau_s: float) -> None:
     """w_p = w_h artanh(tau_s/tau_h), the belt taken off"""

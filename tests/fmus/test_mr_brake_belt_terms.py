@@ -102,6 +102,15 @@ def test_position_friction_changes_sign_with_speed_and_along_the_turn(make: Make
     assert change(make, "w_p", term, {"w_p": w_p}) == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.parametrize("phi_0", np.linspace(0, 6, 7))
+@pytest.mark.parametrize("w_p", [1.3, -1.3])
+def test_position_friction_with_a_mean_of_its_amplitude_always_resists(make: Make, phi_0: float, w_p: float) -> None:
+    term = {"position_friction.T": 0.1, "position_friction.m": 1.0, "position_friction.phi_0": float(phi_0)}
+    slowed = change(make, "w_p", term, {"w_p": w_p})
+    assert slowed == pytest.approx(-0.1 * (1 + np.sin(0.7 + phi_0)) * np.sign(w_p) / J_P, rel=1e-9, abs=1e-12)
+    assert slowed * w_p <= 0
+
+
 def test_creeping_belt_loses_speed_in_proportion_to_its_torque(make: Make) -> None:
     brake = make("mr_brake_belt", {"tau_s": 1.0, "belt_creep.x": 0.5})
     brake.step(30.0)

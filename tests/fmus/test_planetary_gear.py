@@ -235,6 +235,13 @@ def test_transmission_error_adds_to_the_twist(make: Make, n: float) -> None:
     assert gear["tau_g"] == pytest.approx(C * (delta - B / 2) + D_G * rate, rel=1e-7)
 
 
+def test_added_angle_winds_the_mesh_up(make: Make) -> None:
+    gear = make("planetary_gear", {"phi": N * (B / 2 + 1e-3)})
+    gear.set({"delta_add": 5e-4})
+    assert gear["delta"] == pytest.approx(B / 2 + 1.5e-3, rel=1e-9)
+    assert gear["tau_g"] == pytest.approx(C * 1.5e-3, rel=1e-9)
+
+
 @pytest.mark.parametrize("sign", [1, -1])
 def test_stiffness_hardens_with_the_square_of_the_wind_up(make: Make, sign: int) -> None:
     e, h = 2e-3, 1e5

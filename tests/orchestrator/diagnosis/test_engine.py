@@ -13,9 +13,12 @@ from orchestrator.diagnosis.engine import diagnose_plant
 from orchestrator.diagnosis.fit import Active, Hypothesis, bounded_step, fit, tolerances
 from orchestrator.diagnosis.name import EVIDENCE, Namer
 from orchestrator.diagnosis.problem import Noise, Problem
+from orchestrator.diagnosis.repair import onsets
 from orchestrator.diagnosis.scan import Scan
 from orchestrator.diagnosis.store import Store
+from orchestrator.system.read import load_system
 from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, OFFSET, ORDERS, PUSH, TERMS, Axis, campaign
+from tests.orchestrator.diagnosis.bench import calibrated
 
 OFF = {"axis.J": 1.04e-3, "axis.d": 1.9e-3, "axis.tau_C": 0.0206}  # inside the tolerances
 
@@ -199,3 +202,20 @@ def test_at_its_bounds_nothing_is_rounded_beyond_them() -> None:
         hypothesis = Hypothesis((), (active,))
         most = [c.upper for c in hypothesis.coordinates]
         assert abs(hypothesis.run(most).values["axis.cogging.A"]) <= TERMS[2].upper
+
+
+def test_bristles_under_all_of_a_shafts_friction_are_found_in_both_units_and_named_once() -> None:
+    units = ("motor_bldc", "planetary_gear")
+    concealed = {f"{u}.presliding.{name}": value for u in units for name, value in (("share", 1.0), ("phi_s", 0.1))}
+    with calibrated(concealed) as (bench, base):
+        terms = [t for t in bench.plant.terms if t.name.endswith(".presliding")]
+        naming = Namer(bench, Scan(bench, terms), lambda words: None).name(base)
+        assert [n.term for n in naming.named] == ["motor_bldc.presliding"]
+        assert {a.term.component for a in naming.fit.hypothesis.active} == set(units)
+        assert not bench.unexplained(naming.fit.residual)
+
+
+def test_an_effect_in_two_units_sets_in_at_the_same_time_in_the_repaired_system() -> None:
+    finding = {"term": "motor_bldc.presliding", "equivalent": ["planetary_gear.presliding"], "onset": 2.5}
+    found = onsets([finding], {"loaded": load_system("joint_logged")})
+    assert found == {"motor_bldc.presliding.share": 2.5, "planetary_gear.presliding.share": 2.5}

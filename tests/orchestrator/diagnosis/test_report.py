@@ -109,6 +109,18 @@ def test_an_unlisted_effect_has_its_formula_and_its_picture() -> None:
     assert "The shape of mr_brake_belt.unlisted" in words(text)
 
 
+def test_what_acted_while_a_recording_was_made_is_told_with_its_times_and_its_picture() -> None:
+    course = {
+        "port": "mr_brake_belt.tau_h",
+        "unit": "N.m",
+        "recordings": {"reversals": {"t": [1, 1.1, 1.4, 1.5, 2, 2.1, 2.2, 2.3], "value": [0, 4, 4, 0, 0, 1.5, 1.5, 0]}},
+    }
+    touched = FINDING | {"term": "mr_brake_belt.external_torque", "component": "mr_brake_belt", "course": course}
+    text = words(render(data("explained", [touched])))
+    assert "at mr_brake_belt.tau_h: in reversals from 1.00 to 1.50 s 4, 2.00 to 2.30 s 1.5 N.m" in text
+    assert "The course of mr_brake_belt.external_torque" in text
+
+
 def test_the_report_loads_nothing_from_elsewhere(tmp_path: Path) -> None:
     write_report(tmp_path / "report.html", data("explained", [FINDING]))
     root = html.fromstring((tmp_path / "report.html").read_text(encoding="utf-8"))

@@ -12,7 +12,7 @@ from orchestrator.diagnosis.campaign import Campaign
 from orchestrator.diagnosis.conditioning import condition
 from orchestrator.diagnosis.confidence import confidence
 from orchestrator.diagnosis.diagnosis import Candidate, Diagnosis, Estimate, Finding
-from orchestrator.diagnosis.episodes import look_for_episodes
+from orchestrator.diagnosis.episodes import look_for_a_hand, look_for_episodes
 from orchestrator.diagnosis.experiment import next_experiment
 from orchestrator.diagnosis.fit import Fit, Hypothesis, fit, tolerances
 from orchestrator.diagnosis.fmus import FmuPlant
@@ -112,13 +112,16 @@ def _name(problem: Problem, calibrated: Fit, say: Progress, store: Store, basis:
         known = among(term.name for term in problem.plant.terms)
         raise UserError(f"terms: {unknown.pop()!r} is given, the system has {known}")
     namer = Namer(problem, Scan(problem, terms), say, store)
+    name_on = Namer(problem, namer.scan, say).name
+    hand = None if only else look_for_a_hand(problem, calibrated, name_on, say)
+    if hand:
+        return Naming(calibrated, hand.fit, hand.named, [], dict(namer.scan.twins), hand)
     listed = namer.name(calibrated, basis)
     calibrated = listed.history[0]  # that of before, or a better one that naming came upon
     unlisted = None
     if not only:
-        unlisted = look_for_episodes(
-            problem, listed, lambda start: Namer(problem, Scan(problem, terms), say).name(start), say
-        ) or look_for_unlisted(problem, calibrated, listed, say)
+        unlisted = look_for_episodes(problem, listed, name_on, say)
+        unlisted = unlisted or look_for_unlisted(problem, calibrated, listed, say)
     best, named = (unlisted.fit, unlisted.named) if unlisted else (listed.fit, listed.named)
     if not unlisted:
         best, named = (worth_naming if only else prune)(problem, calibrated, listed)

@@ -16,7 +16,7 @@ from orchestrator.diagnosis.courses import Hold, Inferred, Jump, clock, fitted, 
 from orchestrator.diagnosis.diagnosis import Course, Estimate, Feature, Finding, Form
 from orchestrator.diagnosis.fit import Fit
 from orchestrator.diagnosis.locate import locate_gain
-from orchestrator.diagnosis.name import EVIDENCE, Naming
+from orchestrator.diagnosis.name import EVIDENCE, Named, Naming
 from orchestrator.diagnosis.plant import Port
 from orchestrator.diagnosis.problem import BLOCK, Problem, Vector
 from orchestrator.diagnosis.response import PROBE
@@ -30,6 +30,7 @@ TAKEN = 0.9  # of what is above noise, that a jump must take, which has two numb
 HELD_UP = 0.98  # the same for trapezoids, which have five each
 MOST = 4  # ports and kinds of courses that are fitted
 PROMISING = 0.3  # of what is above noise, that a linear step from nothing must promise
+CLEAR = 0.8  # the same, for a hand to be asked before any term
 UNLOGGED = 1.1  # times its promise, for an input of the system: it is there for something to enter
 
 Spans = dict[int, list[tuple[float, float]]]  # recording -> (from, to), s
@@ -53,6 +54,43 @@ def look_for_episodes(
     return found
 
 
+def look_for_a_hand(
+    problem: Problem, calibrated: Fit, name: Callable[[Fit], Naming], say: Callable[[str], None]
+) -> Unlisted | None:
+    """Holds at an input that nobody logged, where these and listed terms beside them explain all there is.
+
+    Asked before any term is named: a hand that comes and goes as it likes leaves terms nothing but patches.
+    """
+    above, spans = calibrated.chi2 - problem.samples, short_times(problem, calibrated.residual)
+    if not spans or not problem.unexplained(calibrated.residual):
+        return None
+    begun = [b for port in _unlogged(problem) for b in _holds(problem, calibrated, port, spans)]
+    likely = [b for b in begun if promised_by(problem, b) > CLEAR * above]
+    for found in (_named_on(problem, fitted(problem, b), [], name, say) for b in likely):
+        best, named = found
+        if not problem.unexplained(best.fit.residual):
+            return Unlisted(best.fit, named, _finding(problem, calibrated, best, 1.0), 1.0)
+    return None
+
+
+def _named_on(
+    problem: Problem, best: Inferred, named: list[Named], name: Callable[[Fit], Naming], say: Callable[[str], None]
+) -> tuple[Inferred, list[Named]]:
+    """Courses and terms, where listed terms take what courses leave."""
+    say(f"{best.port.name}, {_said(best)}: leaves {best.fit.chi2 - problem.samples:.0f} above noise")
+    if problem.unexplained(best.fit.residual):
+        further = name(best.fit)
+        if further.named:
+            return fitted(problem, replace(best, fit=further.fit)), [*named, *further.named]
+    return best, named
+
+
+def _unlogged(problem: Problem) -> list[Port]:
+    """Inputs of the system that no recording has."""
+    inputs = [p for p in problem.plant.inputs if p.unit in PROBE]
+    return [p for p in inputs if not any(p.connector in r.inputs for r in problem.recordings)]
+
+
 def _beside(
     problem: Problem, listed: Naming, name: Callable[[Fit], Naming], say: Callable[[str], None]
 ) -> Unlisted | None:
@@ -62,10 +100,8 @@ def _beside(
     best = _best(problem, start, spans, say) if spans else None
     if best is None or start.cost - best.fit.cost < EVIDENCE:
         return None
-    if problem.unexplained(best.fit.residual) and isinstance(best.courses[0], Hold):
-        further = name(best.fit)
-        if further.named:
-            best, named = fitted(problem, replace(best, fit=further.fit)), [*named, *further.named]
+    if isinstance(best.courses[0], Hold):
+        best, named = _named_on(problem, best, named, name, say)
     taken = 1 - problem.excess(best.fit.residual) / problem.excess(start.residual)
     enough = TAKEN if isinstance(best.courses[0], Jump) else HELD_UP
     return Unlisted(best.fit, named, _finding(problem, start, best, taken), taken) if taken > enough else None
@@ -73,8 +109,8 @@ def _beside(
 
 def _best(problem: Problem, start: Fit, spans: Spans, say: Callable[[str], None]) -> Inferred | None:
     """Of the ports and courses that promise most; None: none promises much."""
-    unlogged = [p for p in problem.plant.inputs if not any(p.connector in r.inputs for r in problem.recordings)]
-    ports = [port for port in (*unlogged, *problem.plant.ports) if port.unit in PROBE]
+    unlogged = _unlogged(problem)
+    ports = [*unlogged, *(port for port in problem.plant.ports if port.unit in PROBE)]
     if not ports:
         return None
     say("the difference is confined to short times: looking for what acts then")
@@ -86,7 +122,7 @@ def _best(problem: Problem, start: Fit, spans: Spans, say: Callable[[str], None]
     for k in np.argsort(promise)[::-1][:MOST]:
         if promise[k] > PROMISING * above and (best is None or problem.unexplained(best.fit.residual)):
             found = fitted(problem, begun[k])
-            say(f"{begun[k].port.name}, {_said(found)}: leaves {found.fit.chi2 - problem.samples:.0f} above noise")
+            say(f"{begun[k].port.name}: {found.fit.chi2 - problem.samples:.0f} above noise are left")
             best = found if best is None or found.fit.cost < best.fit.cost else best
     return best
 

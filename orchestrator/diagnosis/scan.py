@@ -127,7 +127,7 @@ class Scan:
 
     def _run(self, fit: Fit, wanted: Sequence[tuple[TermCandidate, Mapping[str, float]]]) -> list[Column]:
         runs = [run for term, shape in wanted for run in _probes(fit.run, term, shape, self.probe[term.name])]
-        simulated = iter(self.problem.simulate(runs, fit.simulated, known=self._simulated))
+        simulated = iter(self.problem.simulate(runs, fit.simulated, known=None if fit.run.added else self._simulated))
         columns = []
         for term, shape in wanted:
             vectors = [next(simulated) for _ in range(2 if term.phase else 1)]

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from orchestrator.diagnosis.diagnosis import Course, Diagnosis, Finding
-from orchestrator.diagnosis.episodes import look_for_episodes, short_times
+from orchestrator.diagnosis.episodes import look_for_a_hand, look_for_episodes, short_times
 from orchestrator.diagnosis.fit import Fit
 from orchestrator.diagnosis.fmus import FmuPlant
-from orchestrator.diagnosis.name import Named, Naming
+from orchestrator.diagnosis.name import Named, Namer, Naming
 from orchestrator.diagnosis.problem import Vector
+from orchestrator.diagnosis.scan import Scan
 from orchestrator.diagnosis.verify import acted_on
 from orchestrator.system.read import load_system
 from tests.orchestrator.diagnosis.bench import SETUPS, TIME, calibrated, recordings
@@ -39,6 +40,16 @@ def test_a_hand_that_held_the_coupling_is_named_with_its_torque_and_times() -> N
         assert np.allclose(t, [1.30, 1.36, 1.46, 1.56], atol=5e-3)
         assert np.max(value) == pytest.approx(1.5, rel=0.01)
         assert not problem.unexplained(found.fit.residual)
+
+
+def test_a_term_beside_a_hand_is_named_as_well() -> None:
+    with calibrated({"motor_bldc.windage.c": 4e-9}, added={"mr_brake_belt.tau_h": HELD}) as (problem, base):
+        namer = Namer(problem, Scan(problem, [t for t in problem.plant.terms if t.name.endswith(".windage")]), silent)
+        found = look_for_a_hand(problem, base, namer.name, silent)
+        assert found is not None
+        assert found.finding.term == "mr_brake_belt.external_torque"
+        assert [n.term for n in found.named] == ["motor_bldc.windage"]
+        assert found.fit.run.values["motor_bldc.windage.c"] == pytest.approx(4e-9, rel=0.1)
 
 
 def test_a_belt_that_jumped_is_unlisted_with_the_angle_and_the_moment() -> None:

@@ -202,8 +202,8 @@ def _findings(findings: list[dict[str, Any]]) -> Table:
         if f.get("shape"):
             values.append(f"{f['shape']['port']} = {f['shape']['formula'] or 'a table'}")
         if f.get("course"):
-            values.append(f"{f['course']['port']}: {f['words'].split('; ')[0]}")
-        onset = "start" if f["onset"] is None else f"{f['onset']:.2f} s"
+            values.append(f["words"].split("; ")[0])
+        onset = "at times" if f.get("course") else "start" if f["onset"] is None else f"{f['onset']:.2f} s"
         equivalent = ", ".join(f["equivalent"]) or "-"
         grid.add_row(f["term"], f"{100 * f['confidence']:.0f} %", onset, "\n".join(values), equivalent)
     return grid

@@ -152,6 +152,7 @@ def _finding(f: Mapping[str, Any], terms: Mapping[str, TermText]) -> dict[str, A
         "source": text.source,
         "confidence": f.get("confidence"),
         "onset": f.get("onset"),
+        "at_times": bool(f.get("course")),
         "where": shown,
         "parameters": f.get("parameters") or {},
         "equivalent": [(term, _title(term, terms)) for term in f.get("equivalent") or []],

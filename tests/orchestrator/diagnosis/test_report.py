@@ -118,6 +118,7 @@ def test_what_acted_while_a_recording_was_made_is_told_with_its_times_and_its_pi
     touched = FINDING | {"term": "mr_brake_belt.external_torque", "component": "mr_brake_belt", "course": course}
     text = words(render(data("explained", [touched])))
     assert "at mr_brake_belt.tau_h: in reversals from 1.00 to 1.50 s 4, 2.00 to 2.30 s 1.5 N.m" in text
+    assert "at times of its own" in text
     assert "The course of mr_brake_belt.external_torque" in text
 
 

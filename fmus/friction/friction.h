@@ -20,7 +20,8 @@ static inline double friction(Unit *m, double w) {
   if (m->stribeck_tau_S != 0) tau += m->stribeck_tau_S * exp(-square(w / m->stribeck_w_S)) * direction;
   if (m->sublinear_viscous_x != 0) d *= 1 - m->sublinear_viscous_x * fabs(w) / (m->sublinear_viscous_w_T + fabs(w));
   if (m->windage_c != 0) tau += m->windage_c * w * fabs(w);
-  if (m->friction_asymmetry_tau_A != 0) tau += m->friction_asymmetry_tau_A * (direction + m->friction_asymmetry_m) * direction;
+  if (m->friction_asymmetry_tau_A != 0)
+    tau += m->friction_asymmetry_tau_A * (direction + m->friction_asymmetry_m) * direction;
   if (m->viscous_warmup_fade != 0)
     d -= m->friction_d * m->viscous_warmup_fade * (1 - exp(-m->time / m->viscous_warmup_T));
   if (m->presliding_share != 0) m->der_z = (w - fabs(w) * m->z) / m->presliding_phi_s;

@@ -66,11 +66,17 @@ def look_for_a_hand(
         return None
     begun = [b for port in _unlogged(problem) for b in _holds(problem, calibrated, port, spans)]
     likely = [b for b in begun if promised_by(problem, b) > CLEAR * above]
-    for found in (_named_on(problem, fitted(problem, b), [], name, say) for b in likely):
-        best, named = found
+    for hand in likely:
+        best, named = _named_on(problem, fitted(problem, hand), [], name, say)
         if not problem.unexplained(best.fit.residual):
-            return Unlisted(best.fit, named, _finding(problem, calibrated, best, 1.0), 1.0)
+            taken = _taken(problem, calibrated, best)
+            return Unlisted(best.fit, named, _finding(problem, calibrated, best, taken), taken)
     return None
+
+
+def _taken(problem: Problem, start: Fit, best: Inferred) -> float:
+    """Share of the slow structure."""
+    return 1 - problem.excess(best.fit.residual) / problem.excess(start.residual)
 
 
 def _named_on(
@@ -102,7 +108,7 @@ def _beside(
         return None
     if isinstance(best.courses[0], Hold):
         best, named = _named_on(problem, best, named, name, say)
-    taken = 1 - problem.excess(best.fit.residual) / problem.excess(start.residual)
+    taken = _taken(problem, start, best)
     enough = TAKEN if isinstance(best.courses[0], Jump) else HELD_UP
     return Unlisted(best.fit, named, _finding(problem, start, best, taken), taken) if taken > enough else None
 

@@ -116,12 +116,12 @@ def _beside(
 def _best(problem: Problem, start: Fit, spans: Spans, say: Callable[[str], None]) -> Inferred | None:
     """Of the ports and courses that promise most; None: none promises much."""
     unlogged = _unlogged(problem)
-    ports = [*unlogged, *(port for port in problem.plant.ports if port.unit in PROBE)]
-    if not ports:
+    additive = [port for port in problem.plant.ports if port.unit in PROBE]
+    if not unlogged and not additive:
         return None
     say("the difference is confined to short times: looking for what acts then")
-    begun = [b for port in ports for b in _holds(problem, start, port, spans)]
-    begun += [b for port in problem.plant.ports for b in _jumps(problem, start, port, spans)]
+    begun = [b for port in (*unlogged, *additive) for b in _holds(problem, start, port, spans)]
+    begun += [b for port in additive for b in _jumps(problem, start, port, spans)]
     promise = [promised_by(problem, b) * (UNLOGGED if b.port in unlogged else 1.0) for b in begun]
     above = start.chi2 - problem.samples
     best: Inferred | None = None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import queue
-from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -37,7 +36,9 @@ class FmuPlant:
         self.ports = tuple(p for c in components.values() for p in _ports(c) if p.name in offered)
         self.inputs = tuple(_inputs(systems))
         self._connectors = {port.name: port.connector for port in self.inputs}
-        self._idle: dict[tuple[str, bool], queue.LifoQueue[Simulation]] = defaultdict(queue.LifoQueue)
+        self._idle: dict[tuple[str, bool], queue.LifoQueue[Simulation]] = {
+            (setup, ports): queue.LifoQueue() for setup in systems for ports in (False, True)
+        }
         self._all: list[Simulation] = []
 
     def __enter__(self) -> FmuPlant:

@@ -93,6 +93,19 @@ class Unit:
         v = self.variables[variable]
         return v.unit or (v.declaredType.unit if v.declaredType else None)
 
+    @cached_property
+    def needs(self) -> Mapping[str, list[str]]:
+        """Output -> inputs that it depends on; through the states of a unit that has some, on all of them.
+
+        A unit has states, as far as it says, where an output depends on no input or does not say on which.
+        """
+        inputs = [v.name for v in self.variables.values() if v.causality == "input"]
+        memory = any(not unknown.dependencies for unknown in self.description.outputs)
+        return {
+            unknown.variable.name: inputs if memory else [v.name for v in unknown.dependencies]
+            for unknown in self.description.outputs
+        }
+
     def bounds_of(self, variable: str) -> tuple[float | None, float | None]:
         """(min, max) of a variable or of its declared type, None where open; an enumeration's first and last value."""
         v, t = self.variables[variable], self.variables[variable].declaredType

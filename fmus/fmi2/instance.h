@@ -47,6 +47,8 @@ static void say(const Instance *c, fmi2Status status, const char *category, cons
 #define NEEDS_POINTER(p)                                                                                               \
   if (!(p)) FAIL(c, "%s: argument " #p " is NULL", __func__)
 
+static inline bool is_input(fmi2ValueReference vr) { return vr - FIRST_INPUT < N_INPUT; } /* unsigned: none below */
+
 /* position of the first reference outside first..count-1, or n */
 static size_t first_unknown(const fmi2ValueReference vr[], size_t n, size_t first, size_t count) {
   size_t i = 0;

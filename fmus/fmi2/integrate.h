@@ -11,6 +11,15 @@
 
 enum { N_X1 = N_X > 0 ? N_X : 1, N_EVENT1 = N_EVENT > 0 ? N_EVENT : 1, MAX_STEPS = 5000000 };
 
+/* the input's polynomial begins here, as a constant */
+static inline void begin_input(Unit *m, int j, double value) {
+  m->u[j].t0 = m->time;
+  m->u[j].c[0] = value;
+  for (int k = 1; k <= INPUT_ORDER; k++) m->u[j].c[k] = 0;
+  m->u[j].order = 0;
+  m->u[j].fresh = 1;
+}
+
 /* u(t) = c0 + c1 (t-t0) + c2 (t-t0)^2/2 + c3 (t-t0)^3/6 for the inputs that move (FMI 2.0, 4.2.1) */
 static inline void inputs_at(Unit *m, double t) {
   for (int j = 0; j < N_INPUT; j++) {

@@ -47,6 +47,7 @@ fmi2Status fmi2SetReal(fmi2Component component, const fmi2ValueReference vr[], s
   CHECK_LIST(0, N_PUBLIC, "real");
   char name[NAME_SIZE];
   for (size_t i = 0; i < n; i++) { /* all or nothing */
+    if (is_input(vr[i]) && isfinite(value[i])) continue;
     const RealInfo *r = &REAL_INFO[vr[i]];
     if (r->kind == IS_OUTPUT || r->kind == IS_INTEGRAL || r->kind == IS_LOCAL)
       FAIL(c, "fmi2SetReal: %s is calculated by the unit and cannot be set", r->name);
@@ -59,18 +60,12 @@ fmi2Status fmi2SetReal(fmi2Component component, const fmi2ValueReference vr[], s
   }
   Unit *m = &c->unit;
   for (size_t i = 0; i < n; i++) {
-    const int j = (int)vr[i] - FIRST_INPUT;
     if (m->real[vr[i]] != value[i]) {
       m->real[vr[i]] = value[i];
       m->stale = 1;
-      if (REAL_INFO[vr[i]].kind != IS_INPUT) m->restart = 1;
+      if (!is_input(vr[i])) m->restart = 1;
     }
-    if (j >= 0 && j < N_INPUT) {
-      m->u[j].t0 = m->time;
-      m->u[j].c[0] = value[i];
-      m->u[j].order = 0;
-      m->u[j].fresh = 1;
-    }
+    if (is_input(vr[i])) begin_input(m, (int)vr[i] - FIRST_INPUT, value[i]);
   }
   return fmi2OK;
 }

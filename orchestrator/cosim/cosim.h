@@ -51,6 +51,7 @@ typedef struct {
   int32_t input_order; /* 3: follows cubics, 1: follows lines, 0: sees constants over a step */
   int32_t holds_end;   /* where input_order is 0: the constant is the value at the step's end, else at its middle */
   int32_t output_derivatives;
+  int32_t is_sink; /* no other unit reads it: stepped once, when a step is final, from row to row; never taken back */
 } Unit;
 
 typedef struct { /* work through two flanges that are wired together, J; power: what counts as much, W */

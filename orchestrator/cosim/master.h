@@ -35,13 +35,19 @@ static inline double time_of(const Master *m, int64_t tick) { return m->plan.sta
 
 /* variables that drive inputs come first among a unit's signals: Reals, then these */
 static inline size_t n_discrete(const Unit *unit) { return unit->integer_outputs.n + unit->boolean_outputs.n; }
+static inline size_t n_watched(const Unit *unit) {
+  return unit->real_watched.n + unit->integer_watched.n + unit->boolean_watched.n;
+}
+
+static inline bool rolls_back(const Master *m) { return m->plan.scheme.sweeps > 1 || m->plan.scheme.adaptive; }
 
 /* unit.c: all return 0, or -1 with a message that says which unit, which call, at what time */
-enum { DISCARDED = 1 };                                 /* from step_unit alone: a shorter step is to be tried */
-int step_unit(Master *m, size_t i, double t, double h); /* inputs' polynomials in, y and dy out */
-int get_outputs(Master *m, const Unit *unit);           /* those that drive inputs, into y */
-int get_watched(Master *m, const Unit *unit);           /* those that are only recorded, into y */
-int get_first_slopes(Master *m, const Unit *unit);      /* before its first step, into dy; 0 where it knows none yet */
+enum { DISCARDED = 1 }; /* from step_unit alone: a shorter step is to be tried */
+/* From s to s + h of the step that begins at t: inputs' polynomials in, y and dy out */
+int step_unit(Master *m, size_t i, double t, double s, double h);
+int get_outputs(Master *m, const Unit *unit);      /* those that drive inputs, into y */
+int get_watched(Master *m, const Unit *unit);      /* those that are only recorded, into y */
+int get_first_slopes(Master *m, const Unit *unit); /* before its first step, into dy; 0 where it knows none yet */
 int save_states(Master *m);
 int restore_states(Master *m);
 

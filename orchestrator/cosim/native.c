@@ -3,6 +3,7 @@
  * A step: continue every signal from its past; let each unit step on its inputs' polynomials; where the scheme is sequential, later
  * units see what earlier ones have just computed, interpolated. With several sweeps the step is repeated from the saved states on
  * the interpolants until what feeds back no longer moves; an adaptive scheme repeats it shorter where the continuation was off.
+ * A step that is final takes the sinks along: units that no other reads.
  * reference.py is the same in plain FMPy, operation by operation, so that both give the same bits.
  */
 #include <math.h>
@@ -82,7 +83,8 @@ static double coupling_error(Master *m, double h) {
 static int sweep(Master *m, double t, double h) {
   m->count.sweeps++;
   for (size_t i = 0; i < m->plan.n_units; i++) {
-    int status = step_unit(m, i, t, h);
+    if (m->plan.units[i].is_sink) continue;
+    int status = step_unit(m, i, t, 0, h);
     if (status) return status;
     if (m->plan.scheme.sequential) interpolate(m, &m->plan.units[i], h);
   }
@@ -126,26 +128,41 @@ static void limit_stride(Master *m, int64_t tick) {
   while (m->stride > most) m->stride /= 2;
 }
 
-/* Rows at recorded ticks inside the step just computed, from the signals' interpolants */
-static double *record_inside(Master *m, double h, double *row) {
-  int64_t every = m->plan.ticks_per_record;
-  if (m->stride <= every) return row;
-  if (!m->plan.scheme.sequential)
+static int step_sinks(Master *m, double t, double s, double h, bool recorded) {
+  for (size_t i = 0; i < m->plan.n_units; i++) {
+    const Unit *unit = &m->plan.units[i];
+    if (!unit->is_sink) continue;
+    if (step_unit(m, i, t, s, h)) return -1;
+    if (!recorded) continue;
+    if (get_watched(m, unit)) return -1;
+    for (size_t k = (size_t)unit->first_signal; k < (size_t)unit->first_signal + n_watched(unit); k++)
+      m->p[k] = constant(m->y[k]);
+  }
+  return 0;
+}
+
+/* The step just computed is final: sinks follow on the signals' interpolants, recorded ticks inside it get their rows */
+static int follow(Master *m, double t, double h, double **row) {
+  int64_t every = m->plan.ticks_per_record, end = m->tick + m->stride;
+  if (!m->plan.scheme.sequential && (m->stride > every || rolls_back(m)))
     for (size_t i = 0; i < m->plan.n_units; i++) interpolate(m, &m->plan.units[i], h);
-  for (int64_t tick = (m->tick / every + 1) * every; tick < m->tick + m->stride; tick += every) {
-    double s = (double)(tick - m->tick) * m->plan.step;
+  for (int64_t tick = m->tick, next; tick < end; tick = next) {
+    next = (tick / every + 1) * every < end ? (tick / every + 1) * every : end;
+    double s = (double)(tick - m->tick) * m->plan.step, s_next = (double)(next - m->tick) * m->plan.step;
+    if (step_sinks(m, t, s, s_next - s, next < end)) return -1;
+    if (next == end) return 0;
     for (size_t j = 0; j < m->plan.n_recorded; j++) {
       const Wire *wire = &m->plan.recorded[j];
-      row[j] = wire->factor * value(&m->p[wire->signal], s) + wire->offset;
+      (*row)[j] = wire->factor * value(&m->p[wire->signal], s_next) + wire->offset;
     }
-    row += m->plan.n_recorded;
+    *row += m->plan.n_recorded;
   }
-  return row;
+  return 0;
 }
 
 static int step(Master *m, double **row) {
   const Scheme *scheme = &m->plan.scheme;
-  if ((scheme->sweeps > 1 || scheme->adaptive) && save_states(m)) return -1;
+  if (rolls_back(m) && save_states(m)) return -1;
   double t = time_of(m, m->tick), h, error = 0;
   for (;;) {
     h = (double)m->stride * m->plan.step;
@@ -167,7 +184,7 @@ static int step(Master *m, double **row) {
     m->calm = 0;
     m->count.rejected++;
   }
-  *row = record_inside(m, h, *row);
+  if (follow(m, t, h, row)) return -1;
   accept(m, h);
   if (scheme->adaptive) choose_stride(m, error);
   return 0;

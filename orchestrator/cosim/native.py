@@ -52,6 +52,7 @@ class _Unit(ctypes.Structure):
         ("input_order", c_int32),
         ("holds_end", c_int32),
         ("output_derivatives", c_int32),
+        ("is_sink", c_int32),
     ]
 
 
@@ -126,6 +127,7 @@ class Tables:
         unit.input_order = planned.input_order
         unit.holds_end = planned.holds_end
         unit.output_derivatives = planned.output_derivatives
+        unit.is_sink = planned.is_sink
         return unit
 
 

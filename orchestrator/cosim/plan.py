@@ -19,6 +19,7 @@ from orchestrator.system.model import Connection, System
 from orchestrator.units import TOOL
 
 TYPES = ("Real", "Integer", "Boolean")
+Source = tuple[str | None, str]  # component, variable
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,8 @@ class PlannedUnit:
     """One unit's variables by value reference, in TYPES' order, and where its inputs come from.
 
     `input_order`: 3: follows cubics, 1: follows lines, 0: sees constants over a step; these are the value at the step's
-    end where `holds_end`, else at its middle.
+    end where `holds_end`, else at its middle. `is_sink`: no other unit reads it, so that it is stepped once, from row
+    to row, when a step is final, and its state is never saved (only units of ours: they discard no step).
     """
 
     instance: Instance
@@ -56,6 +58,7 @@ class PlannedUnit:
     input_order: int
     holds_end: bool
     output_derivatives: bool
+    is_sink: bool
 
     @property
     def n_outputs(self) -> int:
@@ -97,14 +100,15 @@ def make_plan(
         if name not in system.inputs:
             raise UserError(f"input {name!r} is given, {system.name} has {among(system.inputs)}")
     driven = [c for c in system.connections if c.sink_component and (c.source_component or c.source in inputs)]
-    read = {(c.source_component, c.source) for c in driven}
     taps = {name: _tap(system, name, inputs) for name in record}
-    shafts = mechanical_connections(system) if scheme.adaptive else []
-    for shaft in shafts:
-        read |= {(shaft.giver, shaft.gives.W), (shaft.taker, shaft.takes.W)}
     tapped = {(c.source_component, c.source) for c in taps.values() if c}
+    shafts = mechanical_connections(system) if scheme.adaptive else []
+    turned: set[Source] = {(s.giver, s.gives.W) for s in shafts} | {(s.taker, s.takes.W) for s in shafts}
+    sinks = _sinks(driven, turned, instances) if scheme.rolls_back else set()
+    driven = [c for c in driven if c.sink_component not in sinks or _matters(c, tapped, instances)]
+    read = {(c.source_component, c.source) for c in driven} | turned
     if dense:
-        read |= tapped
+        read |= {(name, variable) for name, variable in tapped if name not in sinks}
     watched = tapped - read
 
     numbers: dict[tuple[str | None, str], int] = {}
@@ -120,7 +124,15 @@ def make_plan(
         numbers[None, name] = len(numbers)
 
     units = tuple(
-        _plan_unit(instance, first, outputs, more, [c for c in driven if c.sink_component == instance.name], numbers)
+        _plan_unit(
+            instance,
+            first,
+            outputs,
+            more,
+            [c for c in driven if c.sink_component == instance.name],
+            numbers,
+            instance.name in sinks,
+        )
         for instance, (first, outputs, more) in zip(instances, columns, strict=True)
     )
     _check_abilities(scheme, instances)
@@ -178,6 +190,7 @@ def _plan_unit(
     watched: list[list[ModelVariable]],
     driven: list[Connection],
     numbers: dict[tuple[str | None, str], int],
+    is_sink: bool,
 ) -> PlannedUnit:
     kinds = {c.sink: _kind(instance.variables[c.sink]) for c in driven}
     ordered = [[c for c in driven if kinds[c.sink] == kind] for kind in TYPES]
@@ -193,14 +206,33 @@ def _plan_unit(
         input_order=_input_order(instance),
         holds_end=_is_static(instance),
         output_derivatives=instance.gives_slopes and instance.interpolates,  # else slopes know nothing of the inputs'
+        is_sink=is_sink,
     )
+
+
+def _sinks(driven: Sequence[Connection], turned: set[Source], instances: Sequence[Instance]) -> set[str]:
+    """Units of ours that others drive and none reads."""
+    read = {c.source_component for c in driven} | {name for name, _ in turned}
+    followers = {c.sink_component for c in driven if c.source_component}
+    return {i.name for i in instances if i.name in followers - read and _is_ours(i)}
+
+
+def _matters(wire: Connection, tapped: set[Source], instances: Sequence[Instance]) -> bool:
+    """Whether anything that is recorded of a sink depends on this wire into it."""
+    unit = next(i.component.unit for i in instances if i.name == wire.sink_component)
+    wanted = [variable for name, variable in tapped if name == wire.sink_component]
+    return any(wire.sink in unit.needs.get(variable, [wire.sink]) for variable in wanted)
+
+
+def _is_ours(instance: Instance) -> bool:
+    return TOOL in (instance.description.generationTool or "")
 
 
 def _input_order(instance: Instance) -> int:
     """Our units follow cubics; FMI 2.0 does not let others say how far they go, so they get lines."""
     if not instance.interpolates:
         return 0
-    return 3 if TOOL in (instance.description.generationTool or "") else 1
+    return 3 if _is_ours(instance) else 1
 
 
 def _is_static(instance: Instance) -> bool:

@@ -100,8 +100,7 @@ class Master:
         t = self._time(self.tick)
         k = self._sample_before(self.sample, t)
         for unit in self.plan.units:
-            first = unit.first_signal + unit.n_outputs
-            self._get(unit.instance, unit.watched, first)
+            self._get_watched(unit)
         for j, wire in enumerate(self.plan.recorded):
             n = wire.signal - self.plan.n_outputs
             y = self.y[wire.signal] if n < 0 else self._sample_at(self.samples[n], k, t)
@@ -118,7 +117,7 @@ class Master:
 
     def _step(self, rows: Iterator[NDArray[np.float64]]) -> None:
         scheme = self.scheme
-        states = [unit.instance.fmu.getFMUstate() for unit in self.plan.units] if scheme.rolls_back else []
+        states = [unit.instance.fmu.getFMUstate() for unit in self._swept()] if scheme.rolls_back else []
         t, error = self._time(self.tick), 0.0
         while True:
             h = self.stride * self.step_size
@@ -143,9 +142,9 @@ class Master:
             self.stride //= 2
             self.calm = 0
             self.count["rejected"] += 1
-        for unit, state in zip(self.plan.units, states, strict=False):
+        for unit, state in zip(self._swept(), states, strict=False):
             unit.instance.fmu.freeFMUstate(state)
-        self._record_inside(h, rows)
+        self._follow(t, h, rows)
         self._accept(h)
         if scheme.adaptive:
             self._choose_stride(error)
@@ -153,25 +152,28 @@ class Master:
     def _sweep(self, t: float, h: float) -> bool:
         """False: a unit discarded the step, a shorter one is to be tried."""
         self.count["sweeps"] += 1
-        for unit in self.plan.units:
-            if not self._step_unit(unit, t, h):
+        for unit in self._swept():
+            if not self._step_unit(unit, t, 0.0, h):
                 return False
             if self.scheme.sequential:
                 self._interpolate(unit, h)
         return True
 
-    def _step_unit(self, unit: PlannedUnit, t: float, h: float) -> bool:
+    def _swept(self) -> list[PlannedUnit]:
+        return [unit for unit in self.plan.units if not unit.is_sink]
+
+    def _step_unit(self, unit: PlannedUnit, t: float, s: float, h: float) -> bool:
         instance = unit.instance
         with instance.explained(f"at t = {t:.9g} s"):
-            self._set_real_inputs(unit, h)
+            self._set_real_inputs(unit, s, h)
             self._set_discrete_inputs(unit)
         try:
-            instance.fmu.doStep(t, h, not self.scheme.rolls_back)
+            instance.fmu.doStep(t + s, h, unit.is_sink or not self.scheme.rolls_back)
         except FMICallException as error:
-            if error.status == DISCARD and self.scheme.adaptive and self.stride > 1:
+            if error.status == DISCARD and self.scheme.adaptive and self.stride > 1 and not unit.is_sink:
                 return False
             status = ("ok", "warning", "discard", "error", "fatal", "pending")[error.status]
-            message = f"{instance.name}: fmi2DoStep returned {status} at t = {t:.9g} s, step {h:.9g} s"
+            message = f"{instance.name}: fmi2DoStep returned {status} at t = {t + s:.9g} s, step {h:.9g} s"
             raise SimulationError(message + instance.last_words()) from error
         with instance.explained(f"at t = {t:.9g} s"):
             self._get_outputs(unit)
@@ -179,7 +181,7 @@ class Master:
         return True
 
     def _restore(self, states: list[object]) -> None:
-        for unit, state in zip(self.plan.units, states, strict=True):
+        for unit, state in zip(self._swept(), states, strict=True):
             unit.instance.fmu.setFMUstate(state)
 
     def _accept(self, h: float) -> None:
@@ -211,27 +213,36 @@ class Master:
         while self.stride > most:
             self.stride //= 2
 
-    def _record_inside(self, h: float, rows: Iterator[NDArray[np.float64]]) -> None:
-        """Rows at recorded ticks inside the step just computed, from the signals' interpolants."""
-        every = self.ticks_per_record
-        if self.stride <= every:
-            return
-        if not self.scheme.sequential:
+    def _follow(self, t: float, h: float, rows: Iterator[NDArray[np.float64]]) -> None:
+        """The step just computed is final: sinks follow on the signals' interpolants, recorded ticks get their rows."""
+        every, end = self.ticks_per_record, self.tick + self.stride
+        if not self.scheme.sequential and (self.stride > every or self.scheme.rolls_back):
             for unit in self.plan.units:
                 self._interpolate(unit, h)
-        for tick in range((self.tick // every + 1) * every, self.tick + self.stride, every):
-            s = (tick - self.tick) * self.step_size
+        inside = range((self.tick // every + 1) * every, end, every)
+        s = 0.0
+        for tick in [*inside, end]:
+            s_next = (tick - self.tick) * self.step_size
+            for unit in [unit for unit in self.plan.units if unit.is_sink]:
+                self._step_unit(unit, t, s, s_next - s)
+                if tick < end:
+                    self._get_watched(unit)
+                    for k in range(unit.first_signal, unit.first_signal + unit.n_signals):
+                        self.p[k] = constant(self.y[k])
+            s = s_next
+            if tick == end:
+                return
             row = next(rows)
             for j, wire in enumerate(self.plan.recorded):
                 row[j] = wire.factor * value(self.p[wire.signal], s) + wire.offset
 
     # One unit
 
-    def _set_real_inputs(self, unit: PlannedUnit, h: float) -> None:
+    def _set_real_inputs(self, unit: PlannedUnit, s: float, h: float) -> None:
         refs = unit.inputs[0]
         if not refs:
             return
-        polynomials = [self._through(wire) for wire in unit.wires[: len(refs)]]
+        polynomials = [self._through(wire, s) for wire in unit.wires[: len(refs)]]
         at = 0.0 if unit.input_order > 0 else h if unit.holds_end else 0.5 * h
         unit.instance.fmu.setReal(refs, [value(p, at) for p in polynomials])
         orders = range(1, unit.input_order + 1)
@@ -257,6 +268,9 @@ class Master:
     def _get_outputs(self, unit: PlannedUnit) -> None:
         self._get(unit.instance, unit.outputs, unit.first_signal)
 
+    def _get_watched(self, unit: PlannedUnit) -> None:
+        self._get(unit.instance, unit.watched, unit.first_signal + unit.n_outputs)
+
     def _get_slopes(self, unit: PlannedUnit) -> None:
         if unit.output_derivatives and unit.outputs[0]:
             first, n = unit.first_signal, len(unit.outputs[0])
@@ -269,8 +283,8 @@ class Master:
                 self.y[first : first + len(refs)] = [float(y) for y in get(refs)]
                 first += len(refs)
 
-    def _through(self, wire: Wire) -> Polynomial:
-        a0, a1, a2, a3 = self.p[wire.signal]
+    def _through(self, wire: Wire, s: float) -> Polynomial:
+        a0, a1, a2, a3 = shifted(self.p[wire.signal], s)
         return a0 * wire.factor + wire.offset, a1 * wire.factor, a2 * wire.factor, a3 * wire.factor
 
     # Signals
@@ -352,6 +366,10 @@ class Master:
 
 def value(p: Polynomial, s: float) -> float:
     return p[0] + s * (p[1] + s * (p[2] + s * p[3]))
+
+
+def shifted(p: Polynomial, s: float) -> Polynomial:
+    return value(p, s), p[1] + s * (2 * p[2] + s * (3 * p[3])), p[2] + s * (3 * p[3]), p[3]
 
 
 def constant(y: float) -> Polynomial:

@@ -16,6 +16,12 @@ static inline double value(const Polynomial *p, double s) {
   return p->a[0] + s * (p->a[1] + s * (p->a[2] + s * p->a[3]));
 }
 
+/* the same polynomial, of the time since s */
+static inline Polynomial shifted(const Polynomial *p, double s) {
+  const double *a = p->a;
+  return (Polynomial){{value(p, s), a[1] + s * (2 * a[2] + s * (3 * a[3])), a[2] + s * (3 * a[3]), a[3]}};
+}
+
 static inline Polynomial constant(double y) { return (Polynomial){{y, 0, 0, 0}}; }
 
 static inline Polynomial line(double y0, double y1, double h) { return (Polynomial){{y0, (y1 - y0) / h, 0, 0}}; }

@@ -31,19 +31,19 @@ static inline int check(Master *m, const Unit *unit, const char *call, fmi2Statu
   return fail(m, "%s: %s returned %s at t = %.9g s", unit->name, call, word(status), time_of(m, m->tick));
 }
 
-static inline Polynomial through(const Master *m, const Wire *wire) {
-  Polynomial p = m->p[wire->signal];
+static inline Polynomial through(const Master *m, const Wire *wire, double s) {
+  Polynomial p = s == 0 ? m->p[wire->signal] : shifted(&m->p[wire->signal], s);
   for (int k = 0; k <= MAX_ORDER; k++) p.a[k] *= wire->factor;
   p.a[0] += wire->offset;
   return p;
 }
 
-static int set_real_inputs(Master *m, const Unit *unit, const Scratch *scratch, double h) {
+static int set_real_inputs(Master *m, const Unit *unit, const Scratch *scratch, double s, double h) {
   size_t n = unit->real_inputs.n;
   if (n == 0) return 0;
   double at = unit->input_order > 0 ? 0 : unit->holds_end ? h : 0.5 * h;
   for (size_t j = 0; j < n; j++) {
-    Polynomial p = through(m, &unit->wires[j]);
+    Polynomial p = through(m, &unit->wires[j], s);
     m->u[j] = value(&p, at);
     if (unit->input_order == 1) {
       m->du[j] = (value(&p, h) - p.a[0]) / h;
@@ -124,14 +124,14 @@ int get_first_slopes(Master *m, const Unit *unit) {
   return 0;
 }
 
-int step_unit(Master *m, size_t i, double t, double h) {
+int step_unit(Master *m, size_t i, double t, double s, double h) {
   const Unit *unit = &m->plan.units[i];
-  bool keeps_history = m->plan.scheme.sweeps > 1 || m->plan.scheme.adaptive;
-  if (set_real_inputs(m, unit, &m->scratch[i], h) || set_discrete_inputs(m, unit)) return -1;
-  fmi2Status status = unit->do_step(unit->component, t, h, keeps_history ? fmi2False : fmi2True);
-  if (status == fmi2Discard && m->plan.scheme.adaptive && m->stride > 1) return DISCARDED;
+  bool keeps_history = rolls_back(m) && !unit->is_sink;
+  if (set_real_inputs(m, unit, &m->scratch[i], s, h) || set_discrete_inputs(m, unit)) return -1;
+  fmi2Status status = unit->do_step(unit->component, t + s, h, keeps_history ? fmi2False : fmi2True);
+  if (status == fmi2Discard && m->plan.scheme.adaptive && m->stride > 1 && !unit->is_sink) return DISCARDED;
   if (status != fmi2OK && status != fmi2Warning)
-    return fail(m, "%s: fmi2DoStep returned %s at t = %.9g s, step %.9g s", unit->name, word(status), t, h);
+    return fail(m, "%s: fmi2DoStep returned %s at t = %.9g s, step %.9g s", unit->name, word(status), t + s, h);
   m->count.warnings += status == fmi2Warning;
   return get_outputs(m, unit) || get_slopes(m, unit) ? -1 : 0;
 }
@@ -139,6 +139,7 @@ int step_unit(Master *m, size_t i, double t, double h) {
 int save_states(Master *m) {
   for (size_t i = 0; i < m->plan.n_units; i++) {
     const Unit *unit = &m->plan.units[i];
+    if (unit->is_sink) continue;
     if (check(m, unit, "fmi2GetFMUstate", unit->get_state(unit->component, &m->scratch[i].state))) return -1;
   }
   return 0;
@@ -147,6 +148,7 @@ int save_states(Master *m) {
 int restore_states(Master *m) {
   for (size_t i = 0; i < m->plan.n_units; i++) {
     const Unit *unit = &m->plan.units[i];
+    if (unit->is_sink) continue;
     if (check(m, unit, "fmi2SetFMUstate", unit->set_state(unit->component, m->scratch[i].state))) return -1;
   }
   return 0;

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 
 from orchestrator.system.model import System
-from orchestrator.units import Unit
 
 Influences = Mapping[str, frozenset[str]]
 
@@ -18,15 +17,10 @@ def influences(system: System) -> dict[str, frozenset[str]]:
     source = {(c.sink_component, c.sink): _name(c.source_component, c.source) for c in system.connections}
     found = {name: frozenset({source[None, name]}) for name in system.outputs if (None, name) in source}
     for component in system.components:
-        for output, needed in _needs(component.unit).items():
+        for output, needed in component.unit.needs.items():
             wired = (source.get((component.name, name)) for name in needed)
             found[f"{component.name}.{output}"] = frozenset(name for name in wired if name)
     return found
-
-
-def has_memory(unit: Unit) -> bool:
-    """Whether a unit has states, as far as it says: an output that depends on no input, or does not say on which."""
-    return any(not unknown.dependencies for unknown in unit.description.outputs)
 
 
 def behind(names: Collection[str], behind_one: Influences, known: Collection[str] = ()) -> set[str]:
@@ -37,16 +31,6 @@ def behind(names: Collection[str], behind_one: Influences, known: Collection[str
         found |= new
         left += [name for name in new if name not in known]
     return found
-
-
-def _needs(unit: Unit) -> dict[str, list[str]]:
-    """Output -> inputs that it depends on; through the states of a unit that has some, on all of them."""
-    inputs = [v.name for v in unit.variables.values() if v.causality == "input"]
-    memory = has_memory(unit)
-    return {
-        unknown.variable.name: inputs if memory else [v.name for v in unknown.dependencies or ()]
-        for unknown in unit.description.outputs
-    }
 
 
 def _name(component: str | None, variable: str) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from orchestrator.cosim import DEFAULT, SCHEMES, simulate
+from orchestrator.cosim import DEFAULT, SCHEMES, Simulation, simulate
 from orchestrator.system import Inputs, Result, load_system
 
 SCENARIOS = ["no_load", "load_mr_brake", "load_hand", "reversals"]
@@ -85,3 +85,33 @@ def test_rows_are_recorded_where_steps_end_unless_longer_steps_are_asked_for(sha
     """A converter's staircase must not be interpolated."""
     result, _ = run_reference(shared, "no_load", "adaptive")
     assert result.step == pytest.approx(1e-3)
+
+
+STEPS = Inputs(np.array([0.0, 0.02, 0.5]), {"v_command": np.array([0.0, 6.0, 6.0])})
+LONG = {"step": 16e-3, "output_step": 1e-3}
+COARSE = {"acquisition.converter.bits": 8, "acquisition.range.v_max": 5.0}
+
+
+def test_what_is_logged_inside_of_long_steps_is_converted_there() -> None:
+    """The logger goes from row to row: no row lies between two of the converter's values."""
+    result = simulate(load_system("joint_logged"), STEPS, 0.5, scheme="adaptive", parameters=COARSE, **LONG)
+    assert result.step > 10 * LONG["output_step"]
+    of_one = result.signals["i_motor"] * 1.0 / (2 * 5.0 / 2**8)  # range.k_i = 1 V/A, in the converter's steps
+    assert np.ptp(of_one) > 10
+    np.testing.assert_allclose(of_one, np.round(of_one), atol=1e-9)
+
+
+@pytest.mark.parametrize("engine", ["native", "reference"])
+def test_of_what_only_listens_nothing_comes_back(engine: str) -> None:
+    """The same steps whatever the logger does, and the same readings whatever else is recorded of it."""
+    with Simulation(load_system("joint_logged"), engine) as simulation:
+        simulation.run(STEPS, 0.1, **LONG)
+        quiet = dict(simulation.counters)
+        alone = simulation.run(STEPS, 0.1, parameters=COARSE, record=["i_motor"], **LONG)
+        assert simulation.counters == quiet
+        among = simulation.run(
+            STEPS, 0.1, parameters=COARSE, record=["i_motor", "acquisition.y_a", "acquisition.y_tau"], **LONG
+        )
+        assert simulation.counters == quiet
+    assert alone.signals["i_motor"].tobytes() == among.signals["i_motor"].tobytes()
+    assert np.ptp(among.signals["acquisition.y_a"]) > 0

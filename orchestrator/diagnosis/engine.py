@@ -23,6 +23,7 @@ from orchestrator.diagnosis.plant import Plant
 from orchestrator.diagnosis.problem import Noise, Problem
 from orchestrator.diagnosis.scan import Scan
 from orchestrator.diagnosis.store import Store
+from orchestrator.diagnosis.structure import prefetch
 from orchestrator.diagnosis.unlisted import Unlisted, look_for_unlisted
 from orchestrator.errors import UserError, among
 from orchestrator.system.read import load_system
@@ -58,6 +59,7 @@ def diagnose_plant(
 ) -> Diagnosis:
     """`diagnose` with any simulator."""
     begun = time.monotonic()
+    prefetch()
     say, store = progress or (lambda words: None), store or Store(None)
     problem, naming, found = identify(campaign, plant, progress=say, store=store)
     basis = (found.calibrated, found.repaired, [f.term for f in found.findings])

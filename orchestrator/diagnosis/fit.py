@@ -14,6 +14,7 @@ from orchestrator.diagnosis.problem import Problem, Run, Simulated, Vector
 
 WIDE = 0.05  # of a value, beyond which no difference quotient goes
 PRIOR = 1.0  # weight of (deviation/tolerance)^2: a healthy unit is rather inside than at the edge
+LAST = 3.0  # steps not worth their run: what a fresh Jacobian has to bring, or it was the last
 AS_PROMISED = 0.15  # share by which a step may gain other than the Jacobian said
 OLD, OWN, FRESH = 0, 1, 2  # a Jacobian by Broyden's updates, with the terms' own columns by differences, or all of it
 DAMPING = 0.03  # of the first step, over the chi-square above noise: a resonance far off is not reached in one stride
@@ -278,9 +279,11 @@ def fit(
     cost = float(residual @ residual + prior @ at**2)
     J, age = (difference(problem, hypothesis, at, base), FRESH) if jacobian is None else (jacobian, OLD)
     damping = DAMPING * max(cost - problem.samples, 0.0)
+    begun = np.inf  # cost with the last fresh Jacobian
     for step_number in range(1, most + 1):  # noqa: B007 - the last one is told below
         if J is None:
             return None
+        begun = cost if age == FRESH else begun
         gram, gradient = J.T @ J + np.diag(prior), J.T @ residual - prior * at
         step, _ = bounded_step(gram + damping * np.eye(len(at)), gradient, lower - at, upper - at)
         promised = float(2 * gradient @ step - step @ gram @ step)
@@ -290,8 +293,9 @@ def fit(
         new = float(rest @ rest + prior @ trial**2) if found is not None else np.inf
         gained = cost - new
         youngest = FRESH if fresh_most > 0 else OWN if own else OLD  # that can be had
+        worth = max(settled, roughly * max(min(cost, new) - problem.samples, 0.0))
         if found is None or gained <= 0:
-            if promised < settled:
+            if promised < settled or (age == OLD and begun - cost < LAST * worth):
                 break
             if age < youngest:
                 J, age, fresh_most = _renewed(problem, hypothesis, at, base, J, own, age, fresh_most)
@@ -303,9 +307,8 @@ def fit(
         moved, used = trial - at, age
         J = J + np.outer(found.white - base.white - J @ moved, moved) / float(moved @ moved)
         at, base, residual, cost, age = trial, found, rest, new, OLD
-        above = max(cost - problem.samples, 0.0)
-        slow = gained < max(settled, roughly * above)
-        if slow and used >= youngest:
+        slow = gained < worth
+        if slow and (used >= youngest or begun - cost < LAST * worth):
             break
         kept = gained / promised
         damping *= 0.01 if abs(kept - 1) < AS_PROMISED else 0.15 if kept > 0.7 else 0.5 if kept > 0.4 else 1.5

@@ -22,6 +22,7 @@ ALIKE_SHARE = 0.05  # the same, as a share of what the best fit leaves
 NEEDLESS = 0.02  # of what an earlier term took, that it must still take beside a later one
 CLEARLY = 10.0  # times what is needed, by the fit's own Jacobian: no fit without the term has to ask
 BEYOND_DOUBT = 100.0  # times the evidence, by the fit's own Jacobian: a few steps of a fit without the term tell
+EARLY = 0.1  # of what a term takes that is beyond doubt, by which the fit before it may have ended early
 POINTED = 8  # terms that are looked at again after the first was added
 HALF = 0.5  # of the structure that the terms before leave, that a later one may leave: a patch on a form leaves more
 WORTH = 0.1  # of what the re-fit leaves above noise, that the first term must take; all, where a campaign lists them
@@ -212,6 +213,8 @@ class Namer:
             begun = again(most=4, fresh_most=0)
             if begun is None or begun.cost >= best.cost:
                 return None
+            if best.cost - begun.cost < EARLY * (best.cost - winner.cost):
+                return begun
         return again(most=15, fresh_most=2)
 
     def renewed(self, found: Fit, columns: Sequence[int]) -> Vector:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -98,6 +99,7 @@ class Problem:
         self.jobs = jobs
         self.step = step
         self.runs = 0
+        self._took = [0.0 for _ in self.recordings]  # s; that a simulation took the last time
         self.blocks: list[Block] = []
         row = 0
         for number, recording in enumerate(self.recordings):
@@ -152,6 +154,7 @@ class Problem:
         for k, n in [job for job in jobs if known and (keys[job[0]], job[1]) in known]:
             outputs[k][n] = known[keys[k], n]
             jobs.remove((k, n))
+        jobs.sort(key=lambda job: -self._took[job[1]])  # what takes longest first, so that all end together
         with ThreadPoolExecutor(self.jobs) as pool:
             for (k, n), found in zip(jobs, pool.map(lambda job: self._one(runs[job[0]], job[1]), jobs), strict=True):
                 outputs[k][n] = found
@@ -168,10 +171,13 @@ class Problem:
             return list(pool.map(lambda n: self._simulate(run, n, signals), range(len(self.recordings))))
 
     def _one(self, run: Run, n: int) -> Signals | None:
+        begun = time.perf_counter()
         try:
             return self._simulate(run, n, ())
         except SimulationError:
             return None
+        finally:
+            self._took[n] = time.perf_counter() - begun
 
     def _simulate(self, run: Run, n: int, signals: Sequence[str]) -> Signals:
         recording = self.recordings[n]

@@ -7,6 +7,7 @@ channels then are off, something in it is (or the recording that drives it is wr
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Literal
@@ -207,16 +208,17 @@ def replay(
     ]  # fmt: skip
     with FmuPlant({part.setup: part.system}) as plant:
         problems = [
-            Problem(plant, _driven(part, shown, runs, residual), problem.noise, problem.jobs)
-            for residual in (recorded, *draws)
+            Problem(plant, _driven(part, shown, runs, residual), problem.noise, 1) for residual in (recorded, *draws)
         ]
-        first, *drawn = [_excess(p, p.simulate([fitted.run])[0]) for p in problems]
+        with ThreadPoolExecutor(problem.jobs) as pool:
+            first, *drawn = pool.map(lambda p: _excess(p, p.simulate([fitted.run])[0]), problems)
         healthy = {c: float(np.mean([d[c] for d in drawn])) if drawn else 0.0 for c in part.channels}
         varied = {c: float(np.std([d[c] for d in drawn], ddof=1)) if drawn else 0.0 for c in part.channels}
         expected = np.sqrt(2 / BLOCK / sum(len(r.time) for r, _ in runs))
         found = Replayed(
             part, first, first, healthy, {c: _hypot(expected, varied[c], SURE * healthy[c]) for c in part.channels}
         )
+        problems[0].jobs = problem.jobs
         return replace(found, refitted=_refitted(problem, problems[0], fitted, part)) if found.off else found
 
 

@@ -16,17 +16,25 @@ from orchestrator.diagnosis.problem import Key, Problem, Run, Vector
 
 SEGMENTS = 16  # of a run; an effect may set in at each of their borders
 ORDERS = 3  # whole orders per term that are simulated, of those that the residual's own order spectrum shows
-PROMISING = 0.01  # of the best gain at middle shapes, that a term needs for its other shapes to be simulated
+PROMISING = 0.03  # of the best gain at middle shapes, that a term needs for its other shapes to be simulated
 RESPONSE = 0.3  # rms over noise that a probing amplitude should cause
 LATE = 60.0  # chi-square by which setting in later must beat being there from the start
 TWINS = 0.9995  # cosine above which two units' terms of one name are one
+IN_PROPORTION = 100.0  # to which a probing amplitude is made larger or smaller without trying it again
 FIRST = {
     "N.m": 1e-4,
-    "1": 1e-2,
+    "N.m.s2/rad2": 1e-9,
+    "rad/(s.N.m)": 1e-2,
     "V": 1e-2,
     "A": 1e-3,
+    "Ohm": 1e-2,
     "rad": 1e-4,
     "s": 2e-3,
+    "1": 1e-2,
+    "1/K": 1e-2,
+    "1/A2": 1e-4,
+    "1/J": 1e-5,
+    "1/rad2": 1e4,
 }  # probing amplitude by unit; then adapted
 
 
@@ -164,7 +172,7 @@ class Scan:
                     continue
                 factor = 1e-3 if not np.isfinite(size) else 1e3 if size < 1e-3 else float(RESPONSE / size)
                 trial[term.name] = min(trial[term.name] * factor, 0.5 * (term.upper - term.neutral))
-                if not 0.03 < factor < 30:  # else: in proportion
+                if not 1 / IN_PROPORTION < factor < IN_PROPORTION:
                     again.append(term)
             left = again
             if not left:

@@ -7,7 +7,9 @@ is that of Krysander and Frisk, 2008, as faultdiagnosistoolbox has it, which onl
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from types import ModuleType
 
 from orchestrator.diagnosis.influence import behind, influences
 from orchestrator.diagnosis.replay import Shown, unit_of
@@ -66,15 +68,27 @@ def together(found: Sequence[Isolability]) -> Isolability:
     return Isolability(tuple(u for u in units if any(u in i.detectable for i in found)), apart)
 
 
+def prefetch() -> None:
+    """Import the toolbox beside other work: it takes seconds. Whoever needs it is told where that fails."""
+    pool = ThreadPoolExecutor(1)
+    pool.submit(_toolbox)
+    pool.shutdown(wait=False)
+
+
+def _toolbox() -> ModuleType:
+    try:
+        import faultdiagnosistoolbox
+    except (ImportError, AttributeError) as error:  # an older one meets a newer numpy
+        raise NoToolbox(f"faultdiagnosistoolbox does not import: {error}") from error
+    return faultdiagnosistoolbox
+
+
 def isolability(system: System, channels: Collection[str], shown: Mapping[str, Shown]) -> Isolability:
     """What the channels can tell apart, one fault per unit. shown: which signals they show when nothing is missing.
 
     Raises NoToolbox.
     """
-    try:
-        import faultdiagnosistoolbox as toolbox
-    except (ImportError, AttributeError) as error:  # an older one meets a newer numpy
-        raise NoToolbox(f"faultdiagnosistoolbox does not import: {error}") from error
+    toolbox = _toolbox()
     model = equations(system, channels, shown)
     units = [c.name for c in system.components if any(e.unit == c.name for e in model)]
     known = {*system.inputs, *channels}

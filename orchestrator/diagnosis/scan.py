@@ -18,19 +18,20 @@ SEGMENTS = 16  # of a run; an effect may set in at each of their borders
 ORDERS = 3  # whole orders per term that are simulated, of those that the residual's own order spectrum shows
 PROMISING = 0.03  # of the best gain at middle shapes, that a term needs for its other shapes to be simulated
 RESPONSE = 0.3  # rms over noise that a probing amplitude should cause
+LEAST, GREATEST = 0.1, 30.0  # the same, as it is kept; simulations are rough by some 0.002
 LATE = 60.0  # chi-square by which setting in later must beat being there from the start
 TWINS = 0.9995  # cosine above which two units' terms of one name are one
 IN_PROPORTION = 100.0  # to which a probing amplitude is made larger or smaller without trying it again
 FIRST = {
-    "N.m": 1e-4,
+    "N.m": 1e-3,
     "N.m.s2/rad2": 1e-9,
     "rad/(s.N.m)": 1e-2,
     "V": 1e-2,
-    "A": 1e-3,
+    "A": 3e-3,
     "Ohm": 1e-2,
-    "rad": 1e-4,
+    "rad": 1e-3,
     "s": 2e-3,
-    "1": 1e-2,
+    "1": 3e-2,
     "1/K": 1e-2,
     "1/A2": 1e-4,
     "1/J": 1e-5,
@@ -168,7 +169,9 @@ class Scan:
                     self._simulated[run.key, n] = found.outputs[n]
                 if size < 1e-3:
                     one[term.name] = None
-                if 0.03 <= size <= 30 or (size < 0.03 and trial[term.name] >= 0.4 * (term.upper - term.neutral)):
+                if LEAST <= size <= GREATEST or (
+                    size < LEAST and trial[term.name] >= 0.4 * (term.upper - term.neutral)
+                ):
                     continue
                 factor = 1e-3 if not np.isfinite(size) else 1e3 if size < 1e-3 else float(RESPONSE / size)
                 trial[term.name] = min(trial[term.name] * factor, 0.5 * (term.upper - term.neutral))

@@ -64,6 +64,18 @@ def test_a_refit_finds_the_parameters_and_its_intervals_hold_them() -> None:
     assert found.chi2 == pytest.approx(p.samples, rel=0.05)
 
 
+def test_a_refit_that_has_nothing_left_to_win_takes_one_jacobian_by_differences() -> None:
+    case = campaign(OFF)
+    p = problem(case)
+    best = fit(p, Hypothesis(tolerances(p, bounds(case))))
+    assert best is not None
+    runs, one_of_all = p.runs, len(p.recordings)
+    again = fit(p, best.hypothesis, best.x, settled=10.0)
+    assert again is not None
+    assert again.cost <= best.cost
+    assert p.runs - runs <= one_of_all * (1 + len(best.x) + 2)  # the start, the differences, two steps at most
+
+
 def test_a_refit_stays_inside_the_tolerances_and_says_where_it_ends_at_one() -> None:
     case = campaign({"axis.d": 3e-3})
     p = problem(case)
@@ -219,3 +231,23 @@ def test_an_effect_in_two_units_sets_in_at_the_same_time_in_the_repaired_system(
     finding = {"term": "motor_bldc.presliding", "equivalent": ["planetary_gear.presliding"], "onset": 2.5}
     found = onsets([finding], {"loaded": load_system("joint_logged")})
     assert found == {"motor_bldc.presliding.share": 2.5, "planetary_gear.presliding.share": 2.5}
+
+
+def test_what_a_shaft_feels_in_either_unit_is_one_answer() -> None:
+    """Both units of the shaft list these; their columns stand out of a simulation's roughness far enough to tell."""
+    alike = ["stribeck", "sublinear_viscous", "windage", "friction_asymmetry", "viscous_warmup"]
+    with calibrated({}) as (p, fitted):
+        scan = Scan(p, [t for t in p.plant.terms if t.name.split(".")[1] in alike])
+        scan.columns(fitted)
+        assert scan.twins == {f"planetary_gear.{name}": f"motor_bldc.{name}" for name in alike}
+
+
+def test_probing_amplitudes_answer_far_above_roughness_and_need_no_second_try() -> None:
+    with calibrated({}) as (p, fitted):
+        scan, before = Scan(p, p.plant.terms), p.runs
+        probes = scan.probes(fitted)
+        assert p.runs - before <= 1.3 * len(p.plant.terms)
+        columns = scan.columns(fitted)
+        sizes = {c.term.name: float(np.sqrt(np.mean((c.vectors[0] * probes[c.term.name]) ** 2))) for c in columns}
+    small = {name: size for name, size in sizes.items() if size < 0.02}
+    assert set(small) <= {t.name for t in p.plant.terms if probes[t.name] >= 0.4 * (t.upper - t.neutral)}, small

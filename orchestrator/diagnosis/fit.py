@@ -294,8 +294,9 @@ def fit(
         gained = cost - new
         youngest = FRESH if fresh_most > 0 else OWN if own else OLD  # that can be had
         worth = max(settled, roughly * max(min(cost, new) - problem.samples, 0.0))
+        enough = roughly > 0 and begun - min(cost, new) < LAST * worth  # a damped step's small gain is no end
         if found is None or gained <= 0:
-            if promised < settled or (age == OLD and begun - cost < LAST * worth):
+            if promised < settled or (age == OLD and enough):
                 break
             if age < youngest:
                 J, age, fresh_most = _renewed(problem, hypothesis, at, base, J, own, age, fresh_most)
@@ -308,7 +309,7 @@ def fit(
         J = J + np.outer(found.white - base.white - J @ moved, moved) / float(moved @ moved)
         at, base, residual, cost, age = trial, found, rest, new, OLD
         slow = gained < worth
-        if slow and (used >= youngest or begun - cost < LAST * worth):
+        if slow and (used >= youngest or enough):
             break
         kept = gained / promised
         damping *= 0.01 if abs(kept - 1) < AS_PROMISED else 0.15 if kept > 0.7 else 0.5 if kept > 0.4 else 1.5

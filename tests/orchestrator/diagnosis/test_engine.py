@@ -72,7 +72,7 @@ def test_a_jacobian_by_differences_that_brought_little_was_the_last() -> None:
     near, column = best.x.copy(), best.jacobian[:, 0]
     near[0] += np.sqrt(200 / (column @ column))  # two steps' worth of chi-square away
     before, one = p.runs, len(p.recordings)
-    again = fit(p, best.hypothesis, near, settled=100.0)
+    again = fit(p, best.hypothesis, near, settled=100.0, roughly=1e-6)
     assert again is not None
     assert again.cost < best.cost + 1
     assert p.runs - before == one * (1 + len(best.x) + again.steps)  # the start, the differences once, a run per step

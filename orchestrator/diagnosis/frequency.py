@@ -188,7 +188,9 @@ def diagnose_response(
     lead = min(range(len(given)), key=lambda k: bases[k][1].chi2)
     say(f"ranking every term: {given[lead].name}")
     ranking = store.remember("ranking", given[lead].model_dump(), partial(_rank, response, given[lead], bases[lead][1]))
-    leaders = [candidate for candidate in ranking if candidate.gain > 2 * np.log(len(ranking))][:FITTED]
+    only = response.given.terms
+    worth = [c for c in ranking if c.gain > 2 * np.log(len(ranking)) and (not only or c.term in only)]
+    leaders = worth[:FITTED]  # of a shaft's twins, the one that the campaign allows
     readings = []
     for alternative, (nominal, base) in zip(given, bases, strict=True):
         key = (alternative.model_dump(), [candidate.term for candidate in leaders])

@@ -34,7 +34,8 @@ DEGREE = 7  # degree of the polynomial in ln omega from which the data's own sca
 SEEN = (0.5, 50.0)  # whitened length that a probe of a term should have: seen, and not far from linear
 FITTED = 2  # leaders of the score that are fitted
 PERIODS = 4.0  # settling times: longer periods are left out of the ranking
-POLISH = 4  # steps of a fit on all frequencies after one on those that cost little
+POLISH = 4, 8  # steps of a fit on all frequencies after one on those that cost little: base model, and with a term
+SETTLED = 0.1  # chi-square not worth another step: a term and what it stands in for leave a narrow valley
 ALIKE = 4.0  # chi-square by which a term may fit worse and still not be told apart
 SURE = 10.0  # chi-square beyond what looking at so many terms brings by chance
 Vector = NDArray[np.float64]
@@ -42,7 +43,7 @@ Progress = Callable[[str], None]
 
 
 class FrequencyPlant:
-    """A system seen through amplitudes: ln of the half swing per frequency (a Recording's time). A context manager."""
+    """A system seen through amplitudes: one recording per frequency, which is its only time. A context manager."""
 
     def __init__(self, system: System, experiment: FrequencyExperiment, omega: Vector) -> None:
         self.plant = FmuPlant({"default": system})
@@ -72,23 +73,29 @@ class FrequencyPlant:
         added: Mapping[str, Vector] | None = None,
         signals: Sequence[str] = (),
     ) -> Signals:
-        """{CHANNEL: (n,)} at the recording's frequencies. SimulationError: a run fails, or nothing moves."""
-        swing = np.empty(len(recording.time))
-        for k, omega in enumerate(recording.time):
-            run = self.runs[float(omega)]
-            w = self.plant.simulate(values, run)[self.output]
-            swing[k] = np.ptp(w[run.time >= self.settle - 1e-9]) / 2
-        if not np.all(swing > 0):
-            raise SimulationError(f"{self.output}: no amplitude at {recording.time[np.argmin(swing)]:g} rad/s")
-        return {CHANNEL: np.log(swing)}
+        """{CHANNEL: (1,)}, ln of half the swing at the recording's frequency. SimulationError: it fails, or rests."""
+        omega = float(recording.time[0])
+        run = self.runs[omega]
+        w = self.plant.simulate(values, run)[self.output]
+        swing = np.ptp(w[run.time >= self.settle - 1e-9]) / 2
+        if not swing > 0:
+            raise SimulationError(f"{self.output}: no amplitude at {omega:g} rad/s")
+        return {CHANNEL: np.array([np.log(swing)])}
 
 
-def quick(recording: Recording, settle: float) -> Recording:
+def by_frequency(table: Recording) -> list[Recording]:
+    """One recording per row of a table (n,), so that frequencies are simulated beside each other."""
+    logs = table.outputs[CHANNEL]
+    return [
+        replace(table, name=f"{w:g} rad/s", time=table.time[k : k + 1], outputs={CHANNEL: logs[k : k + 1]})
+        for k, w in enumerate(table.time)
+    ]
+
+
+def quick(recordings: Sequence[Recording], settle: float) -> list[Recording]:
     """The frequencies whose period is no longer than a few settling times: a ranking needs no more."""
-    few = recording.time >= 2 * np.pi / (PERIODS * settle)
-    if few.sum() < len(few) // 2:
-        return recording
-    return replace(recording, time=recording.time[few], outputs={CHANNEL: recording.outputs[CHANNEL][few]})
+    few = [r for r in recordings if r.time[0] >= 2 * np.pi / (PERIODS * settle)]
+    return few if len(few) >= len(recordings) // 2 else list(recordings)
 
 
 def _run(experiment: FrequencyExperiment, omega: float) -> Recording:
@@ -136,8 +143,11 @@ class Reading:
 def rms_log(problem: Problem, outcome: Fit | Run) -> float:
     """rms of ln(simulated/measured)"""
     run = outcome.run if isinstance(outcome, Fit) else outcome
-    misfit = problem.outputs(run)[0][CHANNEL] - problem.recordings[0].outputs[CHANNEL]
-    return float(np.sqrt(np.mean(misfit**2)))
+    misfit = [
+        simulated[CHANNEL] - recording.outputs[CHANNEL]
+        for simulated, recording in zip(problem.outputs(run), problem.recordings, strict=True)
+    ]
+    return float(np.sqrt(np.mean(np.square(misfit))))
 
 
 def is_response(path: Path) -> bool:
@@ -209,8 +219,9 @@ def _problems(response: Response, alternative: Alternative) -> Iterator[tuple[Pr
     system = with_parameters(response.system, alternative.parameters, f"{response.path}: {alternative.name}")
     noise = {CHANNEL: Noise(response.noise)}
     with FrequencyPlant(system, response.experiment, response.recording.time) as plant:
-        few = quick(response.recording, response.experiment.settle)
-        yield Problem(plant, [response.recording], noise, step=SMOOTH), Problem(plant, [few], noise, step=SMOOTH)
+        every = by_frequency(response.recording)
+        few = quick(every, response.experiment.settle)
+        yield Problem(plant, every, noise, step=SMOOTH), Problem(plant, few, noise, step=SMOOTH)
 
 
 def _calibrate(response: Response, alternative: Alternative) -> tuple[float, Fit]:
@@ -221,7 +232,7 @@ def _calibrate(response: Response, alternative: Alternative) -> tuple[float, Fit
         bounds = {n: t.bounds(parameters[n].nominal) for n, t in response.given.tolerances.items() if n in parameters}
         hypothesis = Hypothesis(tolerances(problem, bounds))
         rough = fit(fast, hypothesis)
-        found = fit(problem, hypothesis, rough.x if rough else None, most=POLISH)
+        found = fit(problem, hypothesis, rough.x if rough else None, most=POLISH[0])
         if found is None:
             raise UserError(
                 f"{response.path}: {alternative.name}: no amplitude comes out in the middle of the tolerances"
@@ -242,16 +253,25 @@ def _fits(response: Response, alternative: Alternative, base: Fit, leaders: Sequ
             term = next(t for t in problem.plant.terms if t.name == candidate.term)
             start = {**candidate.shape, term.amplitude: term.neutral + 0.1 * min(term.upper - term.neutral, 10.0)}
             rough = fit(fast, replace(base.hypothesis, active=(Active(term, start),)))
-            found = fit(problem, rough.settled(), _base_start(rough), most=POLISH) if rough is not None else None
+            if rough is None:
+                continue
+            found = fit(problem, rough.settled(), _base_start(rough), settled=SETTLED, most=POLISH[1])
             if found is not None:
                 fits[term.name] = found
     return fits
 
 
 def choose(base: Fit, fits: Mapping[str, Fit], looked: int) -> tuple[Fit, tuple[str, ...]]:
-    """The best fit where it takes away more than having looked at so many terms would, and what does as well."""
+    """The best fit where it takes away more than having looked at so many terms would, and what does as well.
+
+    Gains count in units of what is left per degree of freedom, as in an F test: far from noise, a little is nothing.
+    """
     needed = 2 * np.log(looked) + SURE
-    good = sorted((name for name in fits if base.chi2 - fits[name].chi2 > needed), key=lambda name: fits[name].chi2)
+
+    def gain(found: Fit) -> float:
+        return (base.chi2 - found.chi2) / max(1.0, found.chi2 / (len(found.residual) - len(found.x)))
+
+    good = sorted((name for name in fits if gain(fits[name]) > needed), key=lambda name: fits[name].chi2)
     if not good:
         return base, ()
     best = fits[good[0]]

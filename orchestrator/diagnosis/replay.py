@@ -218,8 +218,10 @@ def replay(
         found = Replayed(
             part, first, first, healthy, {c: _hypot(expected, varied[c], SURE * healthy[c]) for c in part.channels}
         )
-        problems[0].jobs = problem.jobs
-        return replace(found, refitted=_refitted(problem, problems[0], fitted, part)) if found.off else found
+        if not found.off:
+            return found
+        alone = Problem(plant, problems[0].recordings, problem.noise, problem.jobs)  # its recordings beside each other
+        return replace(found, refitted=_refitted(problem, alone, fitted, part))
 
 
 def _refitted(problem: Problem, inner: Problem, fitted: Fit, part: Part) -> dict[str, float]:

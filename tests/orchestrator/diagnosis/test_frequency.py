@@ -7,9 +7,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from orchestrator.cli import app
 from orchestrator.diagnosis.campaign import FrequencyExperiment
-from orchestrator.diagnosis.frequency import CHANNEL, FrequencyPlant, load_response, read_amplitudes, scatter
+from orchestrator.diagnosis.fit import Fit, Hypothesis
+from orchestrator.diagnosis.frequency import (
+    CHANNEL,
+    FrequencyPlant,
+    by_frequency,
+    choose,
+    load_response,
+    read_amplitudes,
+    scatter,
+)
+from orchestrator.diagnosis.problem import Simulated
 from orchestrator.diagnosis.recording import Recording
 from orchestrator.errors import UserError
 from orchestrator.system import load_system
@@ -19,9 +31,10 @@ CURRENT = {"motor_bldc.drive.mode": "current", "motor_bldc.drive.k_i": 1.0, "mot
 NO_COULOMB = {"motor_bldc.friction.tau_C": 0.0, "planetary_gear.friction.tau_C": 0.0}
 
 
-def recording(omega: np.ndarray) -> Recording:
-    """Frequencies without amplitudes."""
-    return Recording("table", "train", "default", omega, {}, {CHANNEL: np.full(len(omega), np.nan)}, {})
+def amplitudes(plant: FrequencyPlant, values: dict[str, float], omega: np.ndarray) -> np.ndarray:
+    """ln of the simulated amplitudes, (n,)"""
+    table = Recording("table", "train", "default", omega, {}, {CHANNEL: np.full(len(omega), np.nan)}, {})
+    return np.concatenate([plant.simulate(values, recording)[CHANNEL] for recording in by_frequency(table)])
 
 
 def test_amplitudes_of_the_units_are_those_of_the_closed_form() -> None:
@@ -30,7 +43,7 @@ def test_amplitudes_of_the_units_are_those_of_the_closed_form() -> None:
     system = with_parameters(load_system("joint_no_load"), {**CURRENT, **NO_COULOMB})
     experiment = FrequencyExperiment(input="v_command", amplitude=0.3, output="w_motor", settle=3.0)
     with FrequencyPlant(system, experiment, omega) as plant:
-        found = np.exp(plant.simulate({}, recording(omega))[CHANNEL])
+        found = np.exp(amplitudes(plant, {}, omega))
     J, B, k = 5.38e-6 + 9.3e-7, 1.8e-5, 0.0232
     np.testing.assert_allclose(found, 0.3 * k / np.hypot(J * omega, B), rtol=0.01)
 
@@ -39,6 +52,20 @@ def test_scatter_is_the_noise_about_a_smooth_curve() -> None:
     omega = np.geomspace(0.1, 100, 200)
     noise = np.random.default_rng(1).normal(0, 0.02, 200)
     assert scatter(omega, np.exp(noise) / np.hypot(1, omega / 5)) == pytest.approx(0.02, rel=0.2)
+
+
+def fitted(chi2: float, rows: int = 29) -> Fit:
+    """A fit of five coordinates that leaves this chi-square."""
+    residual = np.full(rows, np.sqrt(chi2 / rows))
+    nothing = Simulated((), np.zeros(rows))
+    return Fit(Hypothesis(()), np.zeros(5), chi2, residual, nothing, np.zeros((rows, 5)), 1)
+
+
+def test_a_term_has_to_gain_more_than_the_misfit_that_it_leaves_per_point() -> None:
+    near, far = {"a": fitted(30.0)}, {"a": fitted(1405.0)}
+    assert choose(fitted(75.0), near, 20) == (near["a"], ())
+    base = fitted(1450.0)
+    assert choose(base, far, 20) == (base, ())
 
 
 @pytest.mark.parametrize(
@@ -59,7 +86,26 @@ def test_the_committed_answer_brings_table_c1_below_2_percent(root: Path) -> Non
     alternative = next(a for a in response.given.alternative if a.name == best["name"])
     system = with_parameters(response.system, alternative.parameters)
     with FrequencyPlant(system, response.experiment, response.recording.time) as plant:
-        found = plant.simulate(best["values"], response.recording)[CHANNEL]
+        found = amplitudes(plant, best["values"], response.recording.time)
     misfit = np.sqrt(np.mean((found - response.recording.outputs[CHANNEL]) ** 2))
     assert misfit <= 0.02
     assert misfit == pytest.approx(best["repaired"], abs=5e-4)
+
+
+@pytest.mark.long
+def test_table_c1_is_found_named_and_gone_by_one_command(root: Path, tmp_path: Path) -> None:
+    """The figures that docs/proof/thesis_table_c1.md gives, from the table alone."""
+    campaign = root / "proof" / "real" / "thesis_table_c1" / "campaign.toml"
+    result = CliRunner().invoke(app, ["diagnose", str(campaign), "--out", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    answer = json.loads((tmp_path / "diagnosis.json").read_text())
+    assert answer["verdict"] == "explained"
+    assert [f["term"] for f in answer["findings"]] == ["planetary_gear.sublinear_viscous", "acquisition.bias_direction"]
+    best = min(answer["readings"], key=lambda r: r["repaired"])
+    assert best["name"] == "bias by commanded current, rotor alone"
+    assert best["repaired"] <= 0.02
+    assert best["values"]["motor_bldc.rotor.J"] == pytest.approx(5.38e-6, rel=0.03)
+    committed = json.loads((campaign.parent / "diagnosis.json").read_text())
+    for again, before in zip(answer["readings"], committed["readings"], strict=True):
+        assert again["terms"] == before["terms"], again["name"]
+        assert again["repaired"] == pytest.approx(before["repaired"], rel=0.05), again["name"]

@@ -1,7 +1,7 @@
 """How often the diagnosis is wrong: whole diagnoses of campaigns with known answers, counted.
 
     python -m orchestrator.diagnosis.calibration CAMPAIGN.toml [--campaigns 500] [--seconds 2] [--seed 0] [--jobs 2]
-                                                 [--out calibration.jsonl]
+                       [--sizes 5 1000] [--effects 0.5 0.4 0.1] [--out calibration.jsonl]
 
 The campaign lends its set-ups, inputs, channels and tolerances; every draw (concealed.py) has parameters, terms, sizes,
 onsets and noise of its own. One line of OUT per campaign; those that are there are not drawn again. Printed: Markdown
@@ -14,6 +14,7 @@ import argparse
 import json
 import time
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ from joblib import Parallel, delayed
 from scipy.optimize import minimize
 
 from orchestrator.diagnosis.campaign import load_campaign
-from orchestrator.diagnosis.concealed import COLOURS, Concealer, Drawn
+from orchestrator.diagnosis.concealed import COLOURS, SIZES, Concealer, Drawn
 from orchestrator.diagnosis.confidence import INTERCEPT, features
 from orchestrator.diagnosis.diagnosis import Diagnosis
 from orchestrator.diagnosis.engine import identify
@@ -38,13 +39,24 @@ RIDGE = 0.3  # of the confidence's fit: few wrong findings leave its coefficient
 Row = dict[str, Any]
 
 
-def count(pattern: Path, out: Path, campaigns: int, seconds: float, seed: int, jobs: int) -> list[Row]:
+@dataclass(frozen=True)
+class Draws:
+    """What is drawn, by number: the same numbers, the same campaigns."""
+
+    pattern: Path
+    seconds: float = 2.0
+    seed: int = 0
+    sizes: tuple[float, float] = SIZES
+    effects: tuple[float, ...] = EFFECTS
+
+
+def count(draws: Draws, out: Path, campaigns: int, jobs: int) -> list[Row]:
     """Draw and diagnose what is not yet in `out`; every row of it."""
     rows = read(out)
     missing = sorted(set(range(campaigns)) - {row["k"] for row in rows})
     out.parent.mkdir(parents=True, exist_ok=True)
     chunks = [missing[n : n + 4] for n in range(0, len(missing), 4)]  # a worker loads the units once per chunk
-    work = (delayed(diagnosed)(pattern, seconds, seed, ks) for ks in chunks)
+    work = (delayed(diagnosed)(draws, ks) for ks in chunks)
     for found in Parallel(n_jobs=jobs, return_as="generator_unordered")(work):
         with out.open("a") as file:
             file.writelines(json.dumps(row) + "\n" for row in found)
@@ -57,15 +69,15 @@ def read(path: Path) -> list[Row]:
     return [json.loads(line) for line in path.read_text().splitlines()] if path.is_file() else []
 
 
-def diagnosed(pattern: Path, seconds: float, seed: int, ks: Sequence[int]) -> list[Row]:
-    """The campaigns number `ks` of a seed drawn, diagnosed and judged, one row each."""
-    campaign = load_campaign(pattern, roles=("train",))
+def diagnosed(draws: Draws, ks: Sequence[int]) -> list[Row]:
+    """The campaigns number `ks` drawn, diagnosed and judged, one row each."""
+    campaign = load_campaign(draws.pattern, roles=("train",))
     with FmuPlant({setup: load_system(path) for setup, path in campaign.setups.items()}) as plant:
-        concealer = Concealer(campaign, plant, seconds)
+        concealer = Concealer(campaign, plant, draws.seconds, draws.sizes)
         rows = []
         for k in ks:
-            rng = np.random.default_rng((seed, k))
-            drawn = concealer.draw(rng, int(rng.choice(len(EFFECTS), p=EFFECTS)))
+            rng = np.random.default_rng((draws.seed, k))
+            drawn = concealer.draw(rng, int(rng.choice(len(draws.effects), p=draws.effects)))
             begun = time.process_time()
             _, _, found = identify(drawn.campaign, plant)
             row = judge(drawn, found)
@@ -152,9 +164,14 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=2.0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--sizes", type=float, nargs=2, default=SIZES, metavar=("LEAST", "MOST"))
+    parser.add_argument(
+        "--effects", type=float, nargs="+", default=EFFECTS, metavar="SHARE", help="none, one, two, ..."
+    )
     parser.add_argument("--out", type=Path, default=Path("build/calibration.jsonl"))
     given = parser.parse_args()
-    rows = count(given.campaign, given.out, given.campaigns, given.seconds, given.seed, given.jobs)
+    draws = Draws(given.campaign, given.seconds, given.seed, tuple(given.sizes), tuple(given.effects))
+    rows = count(draws, given.out, given.campaigns, given.jobs)
     print(tables(rows))
     print("\nconfidence.py, fitted:", ", ".join(f"{b:.2f}" for b in fitted_confidence(rows)))
 

@@ -53,12 +53,14 @@ class Drawn:
 class Concealer:
     """Draws campaigns after the pattern of one, which lends set-ups, inputs, channels and tolerances.
 
-    seconds: length of every run, a part of the pattern's; None: whole.
+    seconds: length of every run, a part of the pattern's; None: whole. sizes: as SIZES.
     """
 
-    def __init__(self, pattern: Campaign, plant: Plant, seconds: float | None = None) -> None:
+    def __init__(
+        self, pattern: Campaign, plant: Plant, seconds: float | None = None, sizes: tuple[float, float] = SIZES
+    ) -> None:
         self.pattern = replace(pattern, recordings=pattern.train)
-        self.seconds = seconds
+        self.seconds, self.sizes = seconds, sizes
         self.plant = plant
         self.bounds = {n: t.bounds(plant.parameters[n].nominal) for n, t in pattern.tolerances.items()}
 
@@ -102,7 +104,7 @@ class Concealer:
                 values[name] = float(rng.uniform(*TIMED) * length)
         if term.phase:
             values[term.phase] = float(rng.uniform(0, 2 * np.pi))
-        wanted = float(np.exp(rng.uniform(*np.log(SIZES))))
+        wanted = float(np.exp(rng.uniform(*np.log(self.sizes))))
         probed = Scan(problem, [term]).probes(healthy)[term.name]
         step = probed * (-1 if term.lower < 0 and rng.random() < 0.5 else 1)
         active = Active(

@@ -101,33 +101,34 @@ class Leaders:
         costs = [np.inf if f is None else float(np.sum((self.problem.recorded - f.white) ** 2)) for f in found]
         return tried[int(np.argmin(costs))]
 
-    def with_onset(self, found: Fit) -> Fit:
-        """The last term's onset, or where it has these its beginning and length, refined with all else as it is.
+    def with_onset(self, found: Fit, k: int = -1) -> Fit:
+        """Term k's onset, or where it has these its beginning and length, refined with all else as it is.
 
         A gradient does not see an edge that lies elsewhere. What is missed or too much grows with the distance from
         the true onset, on both sides: a valley, seen from steps of a quarter segment, is gone down by golden section.
         The two edges of an episode are moved by halving.
         """
-        active, best = found.settled().active[-1], found
+        active, best = found.settled().active[k], found
         segment = float(self.problem.times().max()) / SEGMENTS
 
         def left_from(onset: float) -> float:
             nonlocal best
-            trial = self.moved(found, [replace(active, onset=float(onset))])[0]
+            trial = self.moved(found, k, [replace(active, onset=float(onset))])[0]
             best = best if trial is None else min(best, trial, key=CHI2)
             return np.inf if trial is None else trial.chi2
 
         if active.onset is not None:
             onsets = active.onset + segment * np.arange(-1.0, 1.1, 0.25)
-            trials = self.moved(found, [replace(active, onset=float(t)) for t in onsets if t > 0 and t != active.onset])
+            others = [replace(active, onset=float(t)) for t in onsets if t > 0 and t != active.onset]
+            trials = self.moved(found, k, others)
             best = min((best, *filter(None, trials)), key=CHI2)
-            middle = best.hypothesis.active[-1].onset or 0.0
+            middle = best.hypothesis.active[k].onset or 0.0
             around = max(middle - segment / 4, 0.0), middle + segment / 4
             minimize_scalar(left_from, bounds=around, method="bounded", options={"xatol": ONSET})
         elif active.term.episode:
             width = segment / 2
             while width > ONSET:
-                trials = self.moved(found, _at_other_times(best.settled().active[-1], width))
+                trials = self.moved(found, k, _at_other_times(best.settled().active[k], width))
                 nearest = min((best, *filter(None, trials)), key=CHI2)
                 width = width / 2 if nearest is best else width
                 best = nearest
@@ -135,11 +136,18 @@ class Leaders:
             return found
         return fit_on(self.problem, best, settled=5.0, roughly=ROUGHLY, most=4) or best
 
-    def moved(self, found: Fit, actives: Sequence[Active]) -> list[Fit | None]:
-        """A fit with other last terms, all else as it is. None: that cannot be simulated."""
+    def from_start(self, found: Fit, k: int) -> Fit | None:
+        """The same terms, term k from the start on."""
+        settled = found.settled()
+        hypothesis = replaced(settled, k, replace(settled.active[k], onset=None))
+        x, J = base_start(settled, found), settled_jacobian(found)
+        return fit(self.problem, hypothesis, x, J, settled=5.0, roughly=ROUGHLY, most=10, fresh_most=1)
+
+    def moved(self, found: Fit, k: int, actives: Sequence[Active]) -> list[Fit | None]:
+        """A fit with others in term k's place, all else as it is. None: that cannot be simulated."""
         settled = found.settled()
         x, J = base_start(settled, found), settled_jacobian(found)
-        hypotheses = [replace_last(settled, active) for active in actives]
+        hypotheses = [replaced(settled, k, active) for active in actives]
         fits: list[Fit | None] = []
         for hypothesis, simulated in zip(
             hypotheses, self.problem.simulate([h.run(x) for h in hypotheses]), strict=True
@@ -169,9 +177,11 @@ def _at_other_times(active: Active, width: float) -> list[Active]:
     return [scaled(other, k) for other, k in moved if other.values[begin] >= 0]
 
 
-def replace_last(hypothesis: Hypothesis, active: Active) -> Hypothesis:
-    """The hypothesis with another last term."""
-    return replace(hypothesis, active=(*hypothesis.active[:-1], active))
+def replaced(hypothesis: Hypothesis, k: int, active: Active) -> Hypothesis:
+    """The hypothesis with another term in place of term k."""
+    actives = list(hypothesis.active)
+    actives[k] = active
+    return replace(hypothesis, active=tuple(actives))
 
 
 def base_start(hypothesis: Hypothesis, best: Fit) -> Vector:

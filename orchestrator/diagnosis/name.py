@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from operator import attrgetter
 
 import numpy as np
 
@@ -26,6 +27,7 @@ EARLY = 0.1  # of what a term takes that is beyond doubt, by which the fit befor
 POINTED = 8  # terms that are looked at again after the first was added
 HALF = 0.5  # of the structure that the terms before leave, that a later one may leave: a patch on a form leaves more
 WORTH = 0.1  # of what the re-fit leaves above noise, that the first term must take; all, where a campaign lists them
+PASSES = 3  # over the onsets of several terms
 INEXACT = 3e-5  # of what was taken before, that a later term must take: no form is known to better than half a percent
 SETTLED = 0.02  # of what is above noise, that a re-fit may leave to its next step
 
@@ -92,7 +94,7 @@ class Namer:
 
     def round(self, so_far: Progressed) -> Progressed:
         """One term more, or done."""
-        best = self.to_its_end(so_far.history[-1])
+        best = self.with_onsets(self.to_its_end(so_far.history[-1]))
         so_far = replace(so_far, history=[*so_far.history[:-1], best])
         if not self.problem.unexplained(best.residual):
             return replace(so_far, done=True)
@@ -190,6 +192,21 @@ class Namer:
             return best
         found = fit(self.problem, best.hypothesis, best.x, settled=10.0, roughly=0.002, fresh_most=3)
         return found if found is not None and found.cost < best.cost else best
+
+    def with_onsets(self, best: Fit) -> Fit:
+        """With the onsets of several terms looked at once more: those before the last were found while it was off."""
+        late = [k for k, active in enumerate(best.hypothesis.active) if active.onset is not None]
+        for _ in range(PASSES if late and len(best.hypothesis.active) > 1 else 0):
+            before = best.cost
+            for k in late:
+                if best.hypothesis.active[k].onset is None or not self.problem.unexplained(best.residual):
+                    continue
+                best = min(best, self.leaders.with_onset(best, k), key=attrgetter("cost"))
+                always = self.leaders.from_start(best, k)
+                best = always if always is not None and always.cost < best.cost + ALIKE else best
+            if before - best.cost < EVIDENCE:
+                break
+        return best
 
     def without_last(self, best: Fit, winner: Fit) -> Fit | None:
         """What went before, fitted from where the winner has it, its last term's share taken over by the others.

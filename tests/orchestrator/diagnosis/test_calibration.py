@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orchestrator.diagnosis.calibration import diagnosed, fitted_confidence, judge, tables
+from orchestrator.diagnosis.calibration import Draws, diagnosed, fitted_confidence, judge, tables
 from orchestrator.diagnosis.campaign import Logged
 from orchestrator.diagnosis.concealed import SIZES, Concealer, Drawn
 from orchestrator.diagnosis.engine import diagnose_plant
@@ -59,14 +59,14 @@ def test_a_large_effect_of_the_axis_is_named() -> None:
 @pytest.mark.long
 def test_two_forms_that_explain_all_are_told_apart_at_the_end_of_their_fits_or_not_at_all() -> None:
     pattern = Path(__file__).parents[3] / "proof/open/case04/campaign.toml"
-    (row,) = diagnosed(pattern, 2.0, 0, [229])  # friction that bends with the speed or fades with time, from 1.38 s on
+    (row,) = diagnosed(Draws(pattern), [229])  # friction that bends with the speed or fades with time, from 1.38 s on
     assert [(e["name"], e["named"]) for e in row["effects"]] == [("motor_bldc.sublinear_viscous", True)]
 
 
 @pytest.mark.long
 def test_a_gap_at_the_end_of_a_side_valley_is_not_called_excess_backlash() -> None:
     pattern = Path(__file__).parents[3] / "proof/open/case04/campaign.toml"
-    (row,) = diagnosed(pattern, 2.0, 0, [208])  # healthy; its re-fit ends with a chi-square of 136,000 above noise
+    (row,) = diagnosed(Draws(pattern), [208])  # healthy; its re-fit ends with a chi-square of 136,000 above noise
     assert row["effects"] == []
     assert row["verdict"] == "nothing_missing"
 

@@ -139,6 +139,24 @@ def test_an_effect_that_sets_in_during_the_run_is_dated() -> None:
     assert found.findings[0].onset == pytest.approx(2.6, abs=0.1)
 
 
+@pytest.mark.parametrize(("true", "guess"), [(2.6, 2.4), (None, 0.7)])
+def test_an_onset_that_was_found_while_a_later_term_was_off_is_looked_at_again(
+    true: float | None, guess: float
+) -> None:
+    cogging, windage = (next(t for t in TERMS if t.name == name) for name in ("axis.cogging", "axis.windage"))
+    values = {"axis.cogging.A": 6e-3, "axis.cogging.n": 5.0, "axis.cogging.phi_0": 0.4}
+    effect = values | {"axis.windage.c": 2e-4}
+    case = campaign(OFF | effect, onsets={"axis.cogging.A": true} if true else None)
+    p = problem(case)
+    active = Active(cogging, values, guess), Active(windage, {"axis.windage.c": 1e-4})
+    before = fit(p, Hypothesis(tolerances(p, bounds(case)), active))
+    assert before is not None
+    assert p.unexplained(before.residual)
+    found = Namer(p, Scan(p, TERMS), lambda words: None).with_onsets(before)
+    assert not p.unexplained(found.residual)
+    assert found.hypothesis.active[0].onset == (true and pytest.approx(true, abs=0.01))
+
+
 def test_a_term_of_a_unit_whose_parameters_are_all_known_is_named() -> None:
     found = diagnose_plant(campaign({"sensor.offset.y_0": 0.3}), Axis((*TERMS, OFFSET)))
     assert [f.term for f in found.findings] == ["sensor.offset"]

@@ -10,11 +10,11 @@ from benchmarks import units
 from benchmarks.measure import rms
 from benchmarks.monolith import INPUTS, SAMPLE, Table, averaged, three_phase
 from benchmarks.peers import JACOBI, Wiring
-from orchestrator.scenario import load_scenario
-from orchestrator.scenario.model import TimeScenario
-from orchestrator.system import Component, Connection, Connector, Experiment, Inputs, System
-from orchestrator.system.read import load_system
-from orchestrator.units import load_unit
+from cobot_joint.scenario import load_scenario
+from cobot_joint.scenario.model import TimeScenario
+from cobot_joint.system import Component, Connection, Connector, Experiment, Inputs, System
+from cobot_joint.system.read import load_system
+from cobot_joint.units import load_unit
 
 SCENARIO = "load_mr_brake"
 DURATION = 20.0  # s

@@ -6,8 +6,8 @@ import numpy as np
 
 from benchmarks.bench import DURATION
 from benchmarks.measure import stopwatch
-from orchestrator.cosim import Simulation
-from orchestrator.system import Inputs, Result
+from cobot_joint.cosim import Simulation
+from cobot_joint.system import Inputs, Result
 
 NOTHING = Inputs(np.zeros(1))
 

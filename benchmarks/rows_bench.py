@@ -8,7 +8,7 @@ from benchmarks import bench
 from benchmarks.measure import Row, alternate, at_least, at_most, median, ratio, rms, summary, timed
 from benchmarks.monolith import averaged, three_phase
 from benchmarks.ours import Ours
-from orchestrator.cosim import Simulation
+from cobot_joint.cosim import Simulation
 
 ROUNDS = 9
 MOTOR, PHASES = "motor_bldc", ("i_a", "i_b", "i_c")

@@ -10,7 +10,7 @@ from benchmarks.measure import Row, alternate, at_most, median, missing, rms, ti
 from benchmarks.monolith import averaged
 from benchmarks.ours import Ours
 from benchmarks.rows_peers import DURATION, workers
-from orchestrator.cosim import SCHEMES, Simulation, SimulationError
+from cobot_joint.cosim import SCHEMES, Simulation, SimulationError
 
 STEPS = [1e-3, 5e-4, 2e-4, 1e-4]  # s
 ROUNDS = 3

@@ -10,7 +10,7 @@ from benchmarks.measure import Row, alternate, at_least, at_most, median, missin
 from benchmarks.ours import NOTHING, Ours
 from benchmarks.peers import GAUSS_SEIDEL, JACOBI, PEERS, Absent, Run, Wiring
 from benchmarks.peers.client import Peer
-from orchestrator.cosim import Simulation
+from cobot_joint.cosim import Simulation
 
 RING = 4  # trivial units
 RING_STEPS = 50_000

@@ -13,8 +13,8 @@ import numpy as np
 
 from benchmarks import bench
 from benchmarks.measure import Row, alternate, at_least, at_most, median, ratio, summary, timed
-from orchestrator.cosim.many import simulate_many
-from orchestrator.system import Result
+from cobot_joint.cosim.many import simulate_many
+from cobot_joint.system import Result
 
 RUNS, TURNS = 1000, 5
 PER_TURN = RUNS // TURNS
@@ -67,7 +67,7 @@ def hour() -> list[Row]:
     with tempfile.TemporaryDirectory() as folder:
         for length in LENGTHS:
             out = Path(folder) / f"{length:g}"
-            call = [sys.executable, "-m", "orchestrator.cli", "run", bench.SCENARIO, "--out", str(out)]
+            call = [sys.executable, "-m", "cobot_joint.cli", "run", bench.SCENARIO, "--out", str(out)]
             seconds[length], peaks[length] = _usage([*call, "--set", f"stop_time={length:g}"])
             sizes[length] = (out / "signals.parquet").stat().st_size / 1e6
     short, middle, long = LENGTHS

@@ -9,9 +9,9 @@ from rich.console import Console
 from rich.table import Table as Printed
 
 from benchmarks.monolith import SAMPLE, Setup, Table, three_phase
-from orchestrator.cosim import Simulation
-from orchestrator.system import Component, Connection, Connector, Inputs, System
-from orchestrator.units import find_fmu, load_unit
+from cobot_joint.cosim import Simulation
+from cobot_joint.system import Component, Connection, Connector, Inputs, System
+from cobot_joint.units import find_fmu, load_unit
 
 R, K, TAU_C, D, W_C = 0.209, 0.0232, 1.2e-3, 7.5e-6, 1.0  # RIG's motor
 CURRENTS = (None, 1.0, 2.0, 3.4, 4.0, 5.0, 6.0, 8.0, 10.0)  # A of the DC equivalent; None: no load

@@ -16,7 +16,9 @@ import zipfile
 from pathlib import Path
 from types import ModuleType
 
-from orchestrator.diagnosis import confidence, fit, leaders, name, scan, unlisted
+from cobot_joint.diagnosis.candidates import score_test
+from cobot_joint.diagnosis.estimation import fit
+from cobot_joint.diagnosis.selection import competition, confidence, stepwise, unmodelled
 
 
 def digest(path: Path) -> str:
@@ -63,7 +65,7 @@ def main(results: Path, folder: Path) -> None:
     content = {
         "commit": commit,
         "tag": _git("tag", "--points-at", commit) or None,
-        "thresholds": thresholds(name, leaders, scan, fit, unlisted, confidence),
+        "thresholds": thresholds(stepwise, competition, score_test, fit, unmodelled, confidence),
         "files": {path.relative_to(folder).as_posix(): digest(path) for path in files},
     }
     frozen.write_text(json.dumps(content, indent=1) + "\n")

@@ -11,12 +11,19 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 
-# The checkout comes last, so that an installed package goes first; processes that tests start find the same one.
-sys.path.append(str(ROOT))
-import orchestrator  # noqa: E402
+# Where the checkout has been built (build/fmus), its own package is tested, else the installed one. Processes that
+# tests start find the same package, and the checkout's benchmarks and proof.
+sys.path.insert(0 if (ROOT / "build" / "fmus").is_dir() else len(sys.path), str(ROOT / "orchestrator"))
+import cobot_joint  # noqa: E402
 
-PATH = (str(Path(orchestrator.__file__).parents[1]), str(ROOT), os.environ.get("PYTHONPATH"))
+PATH = (str(Path(cobot_joint.__file__).parents[1]), str(ROOT), os.environ.get("PYTHONPATH"))
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, PATH))
+sys.path.append(str(ROOT))
+
+
+def pytest_report_header() -> str:
+    """Which of both is tested."""
+    return f"cobot_joint: {Path(cobot_joint.__file__).parent}"
 
 
 @pytest.fixture(scope="session")
@@ -37,6 +44,6 @@ def shared() -> Path:
 @pytest.fixture(scope="session")
 def fmu() -> Callable[[str], Path]:
     """fmu("motor_bldc"): the path of a built unit. A unit that is not built fails the test, it does not skip it."""
-    from orchestrator.units import find_fmu
+    from cobot_joint.units import find_fmu
 
     return lambda name: find_fmu(f"{name}.fmu")

@@ -48,7 +48,7 @@ def test_links_lead_somewhere(page: Path) -> None:
 def test_commands_in_the_readme_exist() -> None:
     import typer.main
 
-    from orchestrator.cli import app
+    from cobot_joint.cli import app
 
     known = set(typer.main.get_group(app).commands)
     used = set(re.findall(r"cobot-joint ([a-z_]+)", (ROOT / "README.md").read_text(encoding="utf-8")))
@@ -68,7 +68,7 @@ def test_decisions_are_listed_on_the_docs_page() -> None:
 
 
 def test_the_version_stands_in_one_place_and_the_changelog_knows_it() -> None:
-    from orchestrator import __version__
+    from cobot_joint import __version__
 
     assert project()["project"]["dynamic"] == ["version"]
     headings = re.findall(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), flags=re.M)
@@ -83,7 +83,7 @@ def test_what_the_package_imports_is_declared() -> None:
             if isinstance(node, ast.ImportFrom) and node.module and not node.level:
                 names = [node.module]
             imported |= {name.split(".")[0]: str(file.relative_to(ROOT)) for name in names}
-    foreign = {n: f for n, f in imported.items() if n not in sys.stdlib_module_names and n != "orchestrator"}
+    foreign = {n: f for n, f in imported.items() if n not in sys.stdlib_module_names and n != "cobot_joint"}
     extras = project()["project"]["optional-dependencies"]
     declared = {
         re.split(r"[ \[<>=~!]", requirement)[0].lower().replace("_", "-")
@@ -99,7 +99,7 @@ def test_what_the_package_imports_is_declared() -> None:
 
 
 def test_the_installed_package_finds_its_data_from_any_folder(tmp_path: Path) -> None:
-    program = "from orchestrator.data import folder; print(len(list(folder('systems').glob('*.ssd'))))"
+    program = "from cobot_joint.paths import folder; print(len(list(folder('systems').glob('*.ssd'))))"
     done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     assert int(done.stdout) == len(list((ROOT / "systems").glob("*.ssd")))
@@ -124,7 +124,7 @@ def test_no_file_names_a_folder_of_one_machine() -> None:
 
 
 def test_no_unit_names_a_folder_of_the_machine_that_built_it() -> None:
-    from orchestrator.units import fmu_directories
+    from cobot_joint.units import fmu_directories
 
     units = sorted(fmu_directories()[0].glob("*.fmu"))
     assert units

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from benchmarks.monolith import Setup, Table, averaged, three_phase
-from orchestrator.cosim import Simulation
-from orchestrator.system import Component, Connection, Connector, Inputs, System
-from orchestrator.units import load_unit
+from cobot_joint.cosim import Simulation
+from cobot_joint.system import Component, Connection, Connector, Inputs, System
+from cobot_joint.units import load_unit
 
 DURATION = 2.0
 OUTPUTS = ("i", "w", "phi", "i_a", "i_b", "i_c")

@@ -19,7 +19,7 @@ from fmpy.fmi2 import (
 )
 from fmpy.logging import addLoggerProxy
 
-from orchestrator.units import Unit, find_fmu, load_unit
+from cobot_joint.units import Unit, find_fmu, load_unit
 
 UNITS = sorted(table.parent.name for table in (Path(__file__).parents[2] / "fmus").glob("*/model.def"))
 

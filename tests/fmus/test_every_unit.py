@@ -11,7 +11,7 @@ import pytest
 from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
 
-from orchestrator.units import Unit, find_fmu, load_unit
+from cobot_joint.units import Unit, find_fmu, load_unit
 
 UNITS = sorted(table.parent.name for table in (Path(__file__).parents[2] / "fmus").glob("*/model.def"))
 TERMS = [(name, term.name) for name in UNITS for term in load_unit(find_fmu(f"{name}.fmu")).terms]

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from fmpy import platform
 
-from orchestrator.units import Unit
+from cobot_joint.units import Unit
 
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 FLAGS = ["-std=c11", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fno-math-errno", "-fno-trapping-math"]

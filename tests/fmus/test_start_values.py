@@ -12,7 +12,7 @@ from fmpy import read_model_description
 from fmpy.fmi2 import FMU2Slave
 from fmpy.simulation import simulate_fmu
 
-from orchestrator.units import Unit
+from cobot_joint.units import Unit
 
 Load = Callable[[str], Unit]
 OTHER = "{12345678-0000-0000-0000-000000000000}"

@@ -10,12 +10,12 @@ import fmpy
 import pyarrow.parquet as pq
 import pytest
 
-from orchestrator.cli import main
-from orchestrator.system import load_system
+from cobot_joint.cli import main
+from cobot_joint.system import load_system
 
 
 def cobot_joint(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    call = [sys.executable, "-m", "orchestrator.cli", *words]
+    call = [sys.executable, "-m", "cobot_joint.cli", *words]
     return subprocess.run(call, cwd=folder, capture_output=True, text=True, check=False)
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from orchestrator.results import SignalsWriter, columns_of, provenance, read_provenance, write_csv
-from orchestrator.system import load_system, with_parameters
+from cobot_joint.results import SignalsWriter, columns_of, provenance, read_provenance, write_csv
+from cobot_joint.system import load_system, with_parameters
 
 UNITS = {"time": "s", "w": "rad/s", "n": None}
 

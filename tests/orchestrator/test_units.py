@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator import units
-from orchestrator.errors import UserError
-from orchestrator.units import Flange, Shape, find_fmu, load_unit, unpack
+from cobot_joint import units
+from cobot_joint.errors import UserError
+from cobot_joint.units import Flange, Shape, find_fmu, load_unit, unpack
 
 
 def test_fmu_beside_the_system_goes_before_the_shipped_one(fmu: Callable[[str], Path], tmp_path: Path) -> None:

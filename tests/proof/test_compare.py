@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from orchestrator.diagnosis.score import scoreboard
+from cobot_joint.diagnosis.evaluation.score import scoreboard
 
 COMPARE = Path(__file__).parents[2] / "proof" / "compare.py"
 

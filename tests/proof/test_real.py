@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from orchestrator.diagnosis.campaign import load_campaign
-from orchestrator.diagnosis.recording import Recording
-from orchestrator.diagnosis.simulate import Simulator
-from orchestrator.system.read import load_system
+from cobot_joint.diagnosis.data.campaign import load_campaign
+from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.plant.simulator import Simulator
+from cobot_joint.system.read import load_system
 
 Pair = tuple[Recording, dict[str, NDArray[np.float64]]]
 

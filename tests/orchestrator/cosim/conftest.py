@@ -15,8 +15,8 @@ from types import MappingProxyType
 import fmpy
 import pytest
 
-from orchestrator.system import Component, Connection, Connector, System
-from orchestrator.units import load_unit
+from cobot_joint.system import Component, Connection, Connector, System
+from cobot_joint.units import load_unit
 
 UNITS = Path(__file__).parent / "units"
 

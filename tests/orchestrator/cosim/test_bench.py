@@ -8,8 +8,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from orchestrator.cosim import DEFAULT, SCHEMES, Simulation, simulate
-from orchestrator.system import Inputs, Result, load_system
+from cobot_joint.cosim import DEFAULT, SCHEMES, Simulation, simulate
+from cobot_joint.system import Inputs, Result, load_system
 
 SCENARIOS = ["no_load", "load_mr_brake", "load_hand", "reversals"]
 ACCURACY = {"i_motor": 4e-4, "w_motor": 0.03, "tau_sensor": 5e-4}  # rms: A, rad/s, N.m

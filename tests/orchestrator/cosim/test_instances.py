@@ -6,8 +6,8 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from orchestrator.cosim import Simulation
-from orchestrator.system.read import load_system
+from cobot_joint.cosim import Simulation
+from cobot_joint.system.read import load_system
 
 
 def test_systems_loaded_in_several_threads_leave_the_working_directory_alone() -> None:

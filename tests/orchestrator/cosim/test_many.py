@@ -9,10 +9,10 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from orchestrator.cosim import Advance, Variation, simulate, simulate_many
-from orchestrator.errors import UserError
-from orchestrator.results import read_provenance
-from orchestrator.system import Inputs, Result, System
+from cobot_joint.cosim import Advance, Variation, simulate, simulate_many
+from cobot_joint.errors import UserError
+from cobot_joint.results import read_provenance
+from cobot_joint.system import Inputs, Result, System
 
 MakeSystem = Callable[..., System]
 RAMP = Inputs(np.array([0.0, 1.0]), {"u": np.array([0.0, 1.0])})

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from orchestrator.cosim import SCHEMES, Scheme, Simulation, SimulationError, simulate
-from orchestrator.errors import UserError
-from orchestrator.system import Inputs, System
+from cobot_joint.cosim import SCHEMES, Scheme, Simulation, SimulationError, simulate
+from cobot_joint.errors import UserError
+from cobot_joint.system import Inputs, System
 
 MakeSystem = Callable[..., System]
 NOTHING = Inputs(np.array([0.0]))  # inputs keep their start values

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from orchestrator.cosim import Simulation, SimulationError, simulate
-from orchestrator.errors import UserError
-from orchestrator.system import Connection, Inputs, System
+from cobot_joint.cosim import Simulation, SimulationError, simulate
+from cobot_joint.errors import UserError
+from cobot_joint.system import Connection, Inputs, System
 
 MakeSystem = Callable[..., System]
 FIXED = "gauss_seidel_extrapolated"

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from orchestrator.diagnosis.campaign import Campaign, Tolerance
-from orchestrator.diagnosis.plant import Parameter, Port, ScannedShape, Signals, TermCandidate
-from orchestrator.diagnosis.recording import Recording
+from cobot_joint.diagnosis.data.campaign import Campaign, Tolerance
+from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.plant.plant import Parameter, Port, ScannedShape, Signals, TermCandidate
 
 STEP, SAMPLES = 2e-3, 3000
 NOISE = 0.05  # rad/s

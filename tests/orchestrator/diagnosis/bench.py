@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from orchestrator.diagnosis.fit import Fit, Hypothesis, fit, tolerances
-from orchestrator.diagnosis.fmus import FmuPlant
-from orchestrator.diagnosis.problem import Noise, Problem, Vector
-from orchestrator.diagnosis.recording import Recording
-from orchestrator.system.read import load_system
+from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.estimation.fit import Fit, Hypothesis, fit, tolerances
+from cobot_joint.diagnosis.estimation.problem import Noise, Problem, Vector
+from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
+from cobot_joint.system.read import load_system
 
 NOISE = {"i_motor": 4e-3, "w_motor": 0.3, "tau_sensor": 5e-3}
 UNITS = {"i_motor": "A", "w_motor": "rad/s", "tau_sensor": "N.m"}

@@ -9,14 +9,14 @@ import pytest
 from scipy.optimize import lsq_linear
 from scipy.signal import lfilter
 
-from orchestrator.diagnosis.engine import diagnose_plant
-from orchestrator.diagnosis.fit import Active, Hypothesis, bounded_step, fit, tolerances
-from orchestrator.diagnosis.name import EVIDENCE, Namer
-from orchestrator.diagnosis.problem import Noise, Problem
-from orchestrator.diagnosis.repair import onsets
-from orchestrator.diagnosis.scan import Scan
-from orchestrator.diagnosis.store import Store
-from orchestrator.system.read import load_system
+from cobot_joint.diagnosis.candidates.score_test import Scan
+from cobot_joint.diagnosis.engine import diagnose_plant
+from cobot_joint.diagnosis.estimation.fit import Active, Hypothesis, bounded_step, fit, tolerances
+from cobot_joint.diagnosis.estimation.problem import Noise, Problem
+from cobot_joint.diagnosis.repair.repair import onsets
+from cobot_joint.diagnosis.selection.stepwise import EVIDENCE, Namer
+from cobot_joint.diagnosis.store import Store
+from cobot_joint.system.read import load_system
 from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, OFFSET, ORDERS, PUSH, TERMS, Axis, campaign
 from tests.orchestrator.diagnosis.bench import calibrated
 

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from orchestrator.cli import app
-from orchestrator.diagnosis.campaign import FrequencyExperiment
-from orchestrator.diagnosis.fit import Fit, Hypothesis
-from orchestrator.diagnosis.frequency import (
+from cobot_joint.cli import app
+from cobot_joint.diagnosis.data.campaign import FrequencyExperiment
+from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.estimation.fit import Fit, Hypothesis
+from cobot_joint.diagnosis.estimation.problem import Simulated
+from cobot_joint.diagnosis.frequency import (
     CHANNEL,
     FrequencyPlant,
     by_frequency,
@@ -21,11 +23,9 @@ from orchestrator.diagnosis.frequency import (
     read_amplitudes,
     scatter,
 )
-from orchestrator.diagnosis.problem import Simulated
-from orchestrator.diagnosis.recording import Recording
-from orchestrator.errors import UserError
-from orchestrator.system import load_system
-from orchestrator.system.parameters import with_parameters
+from cobot_joint.errors import UserError
+from cobot_joint.system import load_system
+from cobot_joint.system.parameters import with_parameters
 
 CURRENT = {"motor_bldc.drive.mode": "current", "motor_bldc.drive.k_i": 1.0, "motor_bldc.drive.decoupling": 1.0}
 NO_COULOMB = {"motor_bldc.friction.tau_C": 0.0, "planetary_gear.friction.tau_C": 0.0}

@@ -18,15 +18,15 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from orchestrator.diagnosis import commands, run
-from orchestrator.diagnosis.campaign import Campaign, load_campaign
-from orchestrator.diagnosis.diagnosis import Diagnosis, Estimate, Feature, Finding, Form
-from orchestrator.diagnosis.recording import Recording
-from orchestrator.diagnosis.simulate import Simulator
-from orchestrator.diagnosis.store import Store
-from orchestrator.diagnosis.verify import verify
-from orchestrator.errors import UserError
-from orchestrator.system.read import load_system
+from cobot_joint.diagnosis import commands, run
+from cobot_joint.diagnosis.data.campaign import Campaign, load_campaign
+from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Feature, Finding, Form
+from cobot_joint.diagnosis.plant.simulator import Simulator
+from cobot_joint.diagnosis.repair.verify import verify
+from cobot_joint.diagnosis.store import Store
+from cobot_joint.errors import UserError
+from cobot_joint.system.read import load_system
 
 R, A, ONSET = 0.215, 2e-3, 1.0
 CONCEALED = {"motor_bldc.winding.R": R, "motor_bldc.cogging.A": A}
@@ -193,7 +193,7 @@ def test_the_commands_answer_as_promised(campaign_file: Path, tmp_path: Path, mo
 
 
 def test_a_set_is_scored_by_the_command_and_a_broken_seal_fails_it(tmp_path: Path) -> None:
-    from orchestrator.diagnosis.score import seal
+    from cobot_joint.diagnosis.evaluation.score import seal
 
     app = typer.Typer()
     commands.register(app)
@@ -215,8 +215,8 @@ def test_a_set_is_scored_by_the_command_and_a_broken_seal_fails_it(tmp_path: Pat
 @pytest.mark.long
 def test_a_sealed_set_is_diagnosed_verified_and_scored_by_one_command(tmp_path: Path) -> None:
     """Two cases without load: one conceals cogging, one nothing; answers and held-out runs are published afterwards."""
-    from orchestrator.diagnosis.prove import prove
-    from orchestrator.diagnosis.score import seal
+    from cobot_joint.diagnosis.evaluation.prove import prove
+    from cobot_joint.diagnosis.evaluation.score import seal
 
     answers = {
         "case01": {"effects": [{"name": "cogging", "accept": ["motor_bldc.cogging"], "onset_s": ONSET}], "salt": "a"},
@@ -253,8 +253,8 @@ def test_a_diagnosis_that_is_killed_goes_on_and_says_the_same(tmp_path: Path) ->
     (tmp_path / "campaign.toml").write_text(f'title = "killed"\nsystem = "joint"\n{entry}')
 
     def start(out: str) -> subprocess.Popen:
-        call = [sys.executable, "-m", "orchestrator.cli", "diagnose", str(tmp_path), "--out", str(tmp_path / out)]
-        return subprocess.Popen(call, cwd=Path(run.__file__).parents[2], stdout=subprocess.DEVNULL)
+        call = [sys.executable, "-m", "cobot_joint.cli", "diagnose", str(tmp_path), "--out", str(tmp_path / out)]
+        return subprocess.Popen(call, stdout=subprocess.DEVNULL)
 
     killed, work = start("killed"), tmp_path / "killed/.work"
     while killed.poll() is None and not list(work.glob("*.joblib")):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orchestrator.diagnosis.store import Store, plain, write_atomically
+from cobot_joint.diagnosis.store import Store, plain, write_atomically
 
 
 def test_a_finished_stage_is_not_computed_again_by_a_later_store(tmp_path: Path) -> None:

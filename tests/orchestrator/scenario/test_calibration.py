@@ -8,13 +8,13 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from orchestrator.errors import UserError
-from orchestrator.scenario import load_scenario
-from orchestrator.scenario.calibration import settled, staircase
-from orchestrator.scenario.model import Arm
-from orchestrator.scenario.options import Options
-from orchestrator.scenario.run import run_scenario
-from orchestrator.system import Result
+from cobot_joint.errors import UserError
+from cobot_joint.scenario import load_scenario
+from cobot_joint.scenario.calibration import settled, staircase
+from cobot_joint.scenario.model import Arm
+from cobot_joint.scenario.options import Options
+from cobot_joint.scenario.run import run_scenario
+from cobot_joint.system import Result
 
 
 def test_arm_gives_the_torque_of_eq_3_2() -> None:

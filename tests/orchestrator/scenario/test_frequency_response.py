@@ -11,9 +11,9 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from orchestrator.errors import UserError
-from orchestrator.scenario import load_scenario
-from orchestrator.scenario.frequency_response import (
+from cobot_joint.errors import UserError
+from cobot_joint.scenario import load_scenario
+from cobot_joint.scenario.frequency_response import (
     Series,
     fit_first_order,
     log_misfit,
@@ -24,8 +24,8 @@ from orchestrator.scenario.frequency_response import (
     sweep,
     variant_system,
 )
-from orchestrator.scenario.options import Options
-from orchestrator.scenario.report import Report
+from cobot_joint.scenario.options import Options
+from cobot_joint.scenario.report import Report
 
 Calls = list[tuple[float, float]]
 FORMULA = Options(level="transfer_function")
@@ -193,7 +193,7 @@ def test_progress_reaches_the_whole(scenario: Any, with_formula: tuple[Report, C
 
 @pytest.mark.long
 def test_three_phase_level_gives_the_same_response(tmp_path: Path) -> None:
-    from orchestrator.scenario.run import run_scenario
+    from cobot_joint.scenario.run import run_scenario
 
     run_scenario(load_scenario("frequency_response"), tmp_path, Options(level="simscape"))
     values = json.loads((tmp_path / "summary.json").read_text())

@@ -8,10 +8,10 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from orchestrator.errors import UserError
-from orchestrator.scenario import load_scenario, scenario_names
-from orchestrator.scenario.model import Grips
-from orchestrator.system import load_system
+from cobot_joint.errors import UserError
+from cobot_joint.scenario import load_scenario, scenario_names
+from cobot_joint.scenario.model import Grips
+from cobot_joint.system import load_system
 
 TIME = ["no_load", "load_mr_brake", "load_hand", "reversals"]
 

@@ -12,12 +12,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from orchestrator.errors import UserError
-from orchestrator.results import read_provenance
-from orchestrator.scenario import load_scenario
-from orchestrator.scenario.options import Options
-from orchestrator.scenario.run import run_scenario
-from orchestrator.scenario.time_run import Digest
+from cobot_joint.errors import UserError
+from cobot_joint.results import read_provenance
+from cobot_joint.scenario import load_scenario
+from cobot_joint.scenario.options import Options
+from cobot_joint.scenario.run import run_scenario
+from cobot_joint.scenario.time_run import Digest
 
 COLUMNS = [
     "time [s]", "v_command [V]", "i_brake [A]", "tau_hold [N.m]", "i_motor [A]", "w_motor [rad/s]", "phi_motor [rad]",
@@ -118,7 +118,7 @@ def test_digest_in_pieces_is_the_digest_of_the_whole() -> None:
 def test_memory_does_not_grow_with_the_run(tmp_path: Path) -> None:
     def peak(stop_time: float) -> float:
         """MB"""
-        call = [sys.executable, "-m", "orchestrator.cli", "run", "load_mr_brake", "--out", str(tmp_path)]
+        call = [sys.executable, "-m", "cobot_joint.cli", "run", "load_mr_brake", "--out", str(tmp_path)]
         process = subprocess.Popen([*call, "--set", f"stop_time={stop_time}"], cwd=tmp_path, stdout=subprocess.DEVNULL)
         _, status, usage = os.wait4(process.pid, 0)
         assert status == 0

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator.system import System, load_system
+from cobot_joint.system import System, load_system
 
 UNITS = """
 <Unit name="rad/s"><BaseUnit rad="1" s="-1"/></Unit>

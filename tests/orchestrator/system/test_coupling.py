@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orchestrator.cosim import DEFAULT, Simulation
-from orchestrator.errors import UserError
-from orchestrator.system import Experiment, Inputs, System, load_system
-from orchestrator.system.write import write_ssd
+from cobot_joint.cosim import DEFAULT, Simulation
+from cobot_joint.errors import UserError
+from cobot_joint.system import Experiment, Inputs, System, load_system
+from cobot_joint.system.write import write_ssd
 
 INPUTS = Inputs(np.array([0.0, 1.0]), {"v_command": np.array([1.0, 1.0])})
 

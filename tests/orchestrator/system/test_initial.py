@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator.system import System, initial_order, load_system
+from cobot_joint.system import System, initial_order, load_system
 
 ROWS = [("u", "input", "Real", 'start="0"'), ("y", "output", "Real", "")]
 THROUGH = '<Unknown index="2" dependencies="1"/>'

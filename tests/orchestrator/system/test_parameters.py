@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import pytest
 
-from orchestrator.errors import UserError
-from orchestrator.system import System, with_parameters
+from cobot_joint.errors import UserError
+from cobot_joint.system import System, with_parameters
 
 Pair = Callable[..., System]
 

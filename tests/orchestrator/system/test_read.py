@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator.errors import UserError
-from orchestrator.system import System, load_system
+from cobot_joint.errors import UserError
+from cobot_joint.system import System, load_system
 
 Make = Callable[..., Path]
 Pair = Callable[..., System]

@@ -8,8 +8,8 @@ from math import pi
 
 import pytest
 
-from orchestrator.errors import UserError
-from orchestrator.system import Connection, System, check
+from cobot_joint.errors import UserError
+from cobot_joint.system import Connection, System, check
 
 Pair = Callable[..., System]
 Wire = Callable[..., str]

@@ -12,9 +12,9 @@ import pytest
 from fmpy.ssp.simulation import simulate_ssp
 from fmpy.ssp.ssd import read_ssd, read_ssv
 
-from orchestrator.cosim import simulate
-from orchestrator.errors import UserError
-from orchestrator.system import Inputs, System, load_system, with_parameters, write_ssd, write_ssp, write_ssv
+from cobot_joint.cosim import simulate
+from cobot_joint.errors import UserError
+from cobot_joint.system import Inputs, System, load_system, with_parameters, write_ssd, write_ssp, write_ssv
 
 Pair = Callable[..., System]
 Wire = Callable[..., str]

@@ -1,0 +1,166 @@
+"""The units of a system as FMI instances: loaded once, reset, parametrised and initialised before every run."""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+from fmpy import calloc, free
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import (
+    FMU2Slave,
+    fmi2CallbackAllocateMemoryTYPE,
+    fmi2CallbackFreeMemoryTYPE,
+    fmi2CallbackFunctions,
+    fmi2CallbackLoggerTYPE,
+)
+
+from cobot_joint.cosim import library
+from cobot_joint.errors import UserError
+from cobot_joint.system.model import Component, System, Value
+from cobot_joint.system.parameters import checked, split
+
+
+class SimulationError(RuntimeError):
+    """A run failed: which unit, which call, at what time, and what the unit logged last."""
+
+
+class _Log(ctypes.Structure):
+    _fields_ = [("last", ctypes.c_char * 1024)]
+
+
+_LOADING = threading.Lock()  # FMPy changes the working directory while it loads a library, for all threads
+
+
+class Instance:
+    """One component's FMU, loaded and instantiated."""
+
+    def __init__(self, component: Component) -> None:
+        """SimulationError: the FMU cannot be loaded here or does not instantiate."""
+        self.component = component
+        self.name = component.name
+        self.description = component.unit.description
+        self.variables = component.unit.variables
+        self._log = _Log()
+        capabilities = self.description.coSimulation
+        try:
+            with _LOADING:
+                self.fmu = FMU2Slave(
+                    guid=self.description.guid,
+                    modelIdentifier=capabilities.modelIdentifier,
+                    unzipDirectory=str(component.unit.directory),
+                    instanceName=component.name,
+                    requireFunctions=False,
+                )
+            self._callbacks = self._make_callbacks()
+            self.fmu.instantiate(callbacks=self._callbacks)
+        except Exception as error:  # FMPy raises bare Exceptions when a library does not load
+            raise SimulationError(f"{self.name} ({component.source}): {error}{self.last_words()}") from error
+        self._fresh = True
+
+    def _make_callbacks(self) -> fmi2CallbackFunctions:
+        """No Python in them: units call them in the middle of native stepping."""
+        callbacks = fmi2CallbackFunctions()
+        callbacks.logger = ctypes.cast(library.load().cosim_log, fmi2CallbackLoggerTYPE)
+        callbacks.allocateMemory = ctypes.cast(calloc, fmi2CallbackAllocateMemoryTYPE)
+        callbacks.freeMemory = ctypes.cast(free, fmi2CallbackFreeMemoryTYPE)
+        callbacks.componentEnvironment = ctypes.addressof(self._log)
+        return callbacks
+
+    @property
+    def interpolates(self) -> bool:
+        return bool(self.description.coSimulation.canInterpolateInputs)
+
+    @property
+    def gives_slopes(self) -> bool:
+        return int(self.description.coSimulation.maxOutputDerivativeOrder or 0) >= 1
+
+    @property
+    def rolls_back(self) -> bool:
+        return bool(self.description.coSimulation.canGetAndSetFMUstate)
+
+    @property
+    def varies_step(self) -> bool:
+        return bool(self.description.coSimulation.canHandleVariableCommunicationStepSize)
+
+    def last_words(self) -> str:
+        """What the unit logged last, to end an error message with."""
+        said = " ".join(self._log.last.decode("utf-8", "replace").split())
+        return f": {said}" if said else ""
+
+    @contextmanager
+    def explained(self, what: str) -> Iterator[None]:
+        """Failing FMI calls inside name the unit and say what was being done."""
+        try:
+            yield
+        except FMICallException as error:
+            status = ("ok", "warning", "discard", "error", "fatal", "pending")[error.status]
+            raise SimulationError(
+                f"{self.name}: {error.function} returned {status} {what}{self.last_words()}"
+            ) from error
+
+    def address(self, function: str) -> int | None:
+        """Of a function in the FMU's library; None where it has none of that name."""
+        pointer = getattr(self.fmu.dll, function, None)
+        return None if pointer is None else ctypes.cast(pointer, ctypes.c_void_p).value
+
+    def reset(self) -> None:
+        """To the state after instantiation; a unit that cannot is instantiated anew."""
+        self._log.last = b""
+        if self._fresh:
+            self._fresh = False
+            return
+        try:
+            self.fmu.reset()
+        except FMICallException:
+            self.fmu.fmi2FreeInstance(self.fmu.component)
+            self.fmu.instantiate(callbacks=self._callbacks)
+
+    def close(self) -> None:
+        if self.fmu.component is not None:
+            self.fmu.fmi2FreeInstance(self.fmu.component)
+            self.fmu.component = None
+            self.fmu.freeLibrary()
+
+    def set(self, name: str, value: Value) -> None:
+        """Any variable by name; the FMU judges whether the moment allows it."""
+        variable = self.variables[name]
+        vr = [variable.valueReference]
+        if variable.type == "Real":
+            self.fmu.setReal(vr, [float(value)])
+        elif variable.type in ("Integer", "Enumeration"):
+            self.fmu.setInteger(vr, [int(value)])
+        elif variable.type == "Boolean":
+            self.fmu.setBoolean(vr, [bool(value)])
+        else:
+            self.fmu.setString(vr, [str(value)])
+
+    def get(self, name: str) -> float:
+        """A Real, Integer or Boolean variable."""
+        variable = self.variables[name]
+        vr = [variable.valueReference]
+        if variable.type == "Real":
+            return float(self.fmu.getReal(vr)[0])
+        if variable.type == "Boolean":
+            return float(self.fmu.getBoolean(vr)[0])
+        return float(self.fmu.getInteger(vr)[0])
+
+
+def check_parameters(
+    system: System, parameters: Mapping[str, Value], during: bool = False
+) -> dict[str, dict[str, Value]]:
+    """`component.variable` -> value, checked, by component. `during`: to be set while time runs.
+
+    UserError: no such component or parameter, a value outside its bounds, or one that cannot change while time runs.
+    """
+    by_component: dict[str, dict[str, Value]] = {}
+    for name, value in parameters.items():
+        component, variable_name = split(system, name, "parameters")
+        value = checked(component.unit, variable_name, value, f"parameters: {name}")
+        variable = component.unit.variables[variable_name]
+        if during and variable.causality == "parameter" and variable.variability != "tunable":
+            raise UserError(f"parameters: {name} is {variable.variability}: it can only be set before a run")
+        by_component.setdefault(component.name, {})[variable_name] = value
+    return by_component

@@ -1,0 +1,408 @@
+"""The master in plain FMPy: to be read, and to hold native.c against. Same operations, same bits, many times slower."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from fmpy.fmi1 import FMICallException
+from numpy.typing import NDArray
+
+from cobot_joint.cosim.instances import Instance, SimulationError
+from cobot_joint.cosim.plan import Plan, PlannedUnit, Wire
+from cobot_joint.cosim.schemes import Scheme
+
+Polynomial = tuple[
+    float, float, float, float
+]  # a0 + a1 s + a2 s^2 + a3 s^3, s: time since the present communication point
+
+DISCARD = 2  # fmi2Discard: a shorter step might do; of slopes before the first step, not known yet
+CALM = 8  # steps after one that was taken back, before steps may grow again
+
+
+@dataclass
+class Past:
+    """What is known of a signal when a step begins: at the present point, one step before, two steps before."""
+
+    y: float
+    dy: float = 0.0
+    y_prev: float = 0.0
+    dy_prev: float = 0.0
+    y_prev2: float = 0.0
+
+
+class Master:
+    """The reference over one plan. `sample_time`: float64[n]; `samples`: float64[len(plan.inputs), n]."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        scheme: Scheme,
+        sample_time: NDArray[np.float64],
+        samples: NDArray[np.float64],
+        start_time: float,
+        step: float,
+        ticks_per_record: int,
+        max_stride: int,
+        breaks: NDArray[np.int64],
+    ) -> None:
+        self.plan, self.scheme = plan, scheme
+        self.sample_time = [float(t) for t in sample_time]
+        self.samples = [[float(x) for x in row] for row in samples]
+        self.start_time, self.step_size = start_time, step
+        self.ticks_per_record, self.max_stride = ticks_per_record, max_stride
+        self.breaks = [int(tick) for tick in breaks]
+        self.y = [0.0] * plan.n_outputs
+        self.dy = [0.0] * plan.n_outputs
+        self.expected = [0.0] * plan.n_outputs
+        self.p: list[Polynomial] = [constant(0.0)] * (plan.n_outputs + len(plan.inputs))
+        self.sample = 0
+        self.h_prev = self.h_prev2 = 0.0
+        self.count = {"steps": 0, "rejected": 0, "sweeps": 0, "warnings": 0}
+
+    def begin(self) -> None:
+        """Tick 0, from the units' present state."""
+        self.tick, self.stride, self.known, self.calm = 0, 1, 1, 0
+        self.sample = self._sample_before(0, self._time(0))
+        for unit in self.plan.units:
+            self._get_outputs(unit)
+            try:
+                self._get_slopes(unit)
+            except FMICallException as error:
+                if error.status != DISCARD:
+                    raise
+        self.past = [Past(y, dy) for y, dy in zip(self.y, self.dy, strict=True)]
+
+    def resume(self) -> None:
+        """After values were set in units from outside: signals that jumped take their past with them."""
+        self.stride = 1
+        for unit in self.plan.units:
+            self._get_outputs(unit)
+        for y, past in zip(self.y, self.past, strict=True):
+            jump = y - past.y
+            past.y = y
+            past.y_prev += jump
+            past.y_prev2 += jump
+
+    def advance(self, tick: int, rows: NDArray[np.float64]) -> None:
+        """On to `tick`; `rows`: float64[recorded points passed, recorded signals], filled."""
+        remaining = iter(rows)
+        while self.tick < tick:
+            self._limit_stride(tick)
+            self._step(remaining)
+            if self.tick % self.ticks_per_record == 0:
+                self.record(next(remaining))
+
+    def record(self, row: NDArray[np.float64]) -> None:
+        """The present point; `row`: float64[recorded signals], filled."""
+        t = self._time(self.tick)
+        k = self._sample_before(self.sample, t)
+        for unit in self.plan.units:
+            self._get_watched(unit)
+        for j, wire in enumerate(self.plan.recorded):
+            n = wire.signal - self.plan.n_outputs
+            y = self.y[wire.signal] if n < 0 else self._sample_at(self.samples[n], k, t)
+            row[j] = wire.factor * y + wire.offset
+
+    def counters(self) -> dict[str, int]:
+        """Steps taken, steps rejected, sweeps over the units; FMPy does not tell of warnings."""
+        return dict(self.count)
+
+    def close(self) -> None:
+        """Nothing is held beyond a step."""
+
+    # Steps
+
+    def _step(self, rows: Iterator[NDArray[np.float64]]) -> None:
+        scheme = self.scheme
+        states = [unit.instance.fmu.getFMUstate() for unit in self._swept()] if scheme.rolls_back else []
+        t, error = self._time(self.tick), 0.0
+        while True:
+            h = self.stride * self.step_size
+            for unit in self.plan.units:
+                self._extrapolate(unit, h)
+            self._follow_inputs(t, self._time(self.tick + self.stride), h)
+            done = self._sweep(t, h)
+            for _ in range(1, scheme.sweeps):
+                if not done or self._coupling_error(h) <= 1:
+                    break
+                if not scheme.sequential:
+                    for unit in self.plan.units:
+                        self._interpolate(unit, h)
+                self._restore(states)
+                done = self._sweep(t, h)
+            if not scheme.adaptive:
+                break
+            error = self._coupling_error(h) if done else math.inf
+            if error <= 1 or self.stride == 1:
+                break
+            self._restore(states)
+            self.stride //= 2
+            self.calm = 0
+            self.count["rejected"] += 1
+        for unit, state in zip(self._swept(), states, strict=False):
+            unit.instance.fmu.freeFMUstate(state)
+        self._follow(t, h, rows)
+        self._accept(h)
+        if scheme.adaptive:
+            self._choose_stride(error)
+
+    def _sweep(self, t: float, h: float) -> bool:
+        """False: a unit discarded the step, a shorter one is to be tried."""
+        self.count["sweeps"] += 1
+        for unit in self._swept():
+            if not self._step_unit(unit, t, 0.0, h):
+                return False
+            if self.scheme.sequential:
+                self._interpolate(unit, h)
+        return True
+
+    def _swept(self) -> list[PlannedUnit]:
+        return [unit for unit in self.plan.units if not unit.is_sink]
+
+    def _step_unit(self, unit: PlannedUnit, t: float, s: float, h: float) -> bool:
+        instance = unit.instance
+        with instance.explained(f"at t = {t:.9g} s"):
+            self._set_real_inputs(unit, s, h)
+            self._set_discrete_inputs(unit)
+        try:
+            instance.fmu.doStep(t + s, h, unit.is_sink or not self.scheme.rolls_back)
+        except FMICallException as error:
+            if error.status == DISCARD and self.scheme.adaptive and self.stride > 1 and not unit.is_sink:
+                return False
+            status = ("ok", "warning", "discard", "error", "fatal", "pending")[error.status]
+            message = f"{instance.name}: fmi2DoStep returned {status} at t = {t + s:.9g} s, step {h:.9g} s"
+            raise SimulationError(message + instance.last_words()) from error
+        with instance.explained(f"at t = {t:.9g} s"):
+            self._get_outputs(unit)
+            self._get_slopes(unit)
+        return True
+
+    def _restore(self, states: list[object]) -> None:
+        for unit, state in zip(self._swept(), states, strict=True):
+            unit.instance.fmu.setFMUstate(state)
+
+    def _accept(self, h: float) -> None:
+        self.past = [
+            Past(y, dy, past.y, past.dy, past.y_prev) for y, dy, past in zip(self.y, self.dy, self.past, strict=True)
+        ]
+        self.h_prev, self.h_prev2 = h, self.h_prev
+        self.known = min(self.known + 1, 3)
+        self.tick += self.stride
+        self.count["steps"] += 1
+
+    def _choose_stride(self, error: float) -> None:
+        """Strides are powers of two, aligned to themselves. The error grows as step to the power extrapolation + 1.
+
+        After a step was taken back, growth waits, lest the coupling be tried at its limit of stability over and over.
+        """
+        room = 2.0 ** (self.scheme.extrapolation + 1)
+        doubled = 2 * self.stride
+        self.calm += 1
+        aligned = doubled <= self.max_stride and self.tick % doubled == 0
+        if self.calm > CALM and error * room < 0.5 and aligned:
+            self.stride = doubled
+
+    def _limit_stride(self, tick: int) -> None:
+        """No longer than to `tick` or, for long steps, to where an input turns."""
+        most = tick - self.tick
+        if self.scheme.adaptive:
+            most = min([most, *(turn - self.tick for turn in self.breaks if turn > self.tick)])
+        while self.stride > most:
+            self.stride //= 2
+
+    def _follow(self, t: float, h: float, rows: Iterator[NDArray[np.float64]]) -> None:
+        """The step just computed is final: sinks follow on the signals' interpolants, recorded ticks get their rows."""
+        every, end = self.ticks_per_record, self.tick + self.stride
+        if not self.scheme.sequential and (self.stride > every or self.scheme.rolls_back):
+            for unit in self.plan.units:
+                self._interpolate(unit, h)
+        inside = range((self.tick // every + 1) * every, end, every)
+        s = 0.0
+        for tick in [*inside, end]:
+            s_next = (tick - self.tick) * self.step_size
+            for unit in [unit for unit in self.plan.units if unit.is_sink]:
+                self._step_unit(unit, t, s, s_next - s)
+                if tick < end:
+                    self._get_watched(unit)
+                    for k in range(unit.first_signal, unit.first_signal + unit.n_signals):
+                        self.p[k] = constant(self.y[k])
+            s = s_next
+            if tick == end:
+                return
+            row = next(rows)
+            for j, wire in enumerate(self.plan.recorded):
+                row[j] = wire.factor * value(self.p[wire.signal], s) + wire.offset
+
+    # One unit
+
+    def _set_real_inputs(self, unit: PlannedUnit, s: float, h: float) -> None:
+        refs = unit.inputs[0]
+        if not refs:
+            return
+        polynomials = [self._through(wire, s) for wire in unit.wires[: len(refs)]]
+        at = 0.0 if unit.input_order > 0 else h if unit.holds_end else 0.5 * h
+        unit.instance.fmu.setReal(refs, [value(p, at) for p in polynomials])
+        orders = range(1, unit.input_order + 1)
+        if unit.input_order == 1:
+            slopes = [(value(p, h) - p[0]) / h for p in polynomials]
+        else:
+            slopes = [d for p in polynomials for d in (p[1], 2 * p[2], 6 * p[3])]
+        if orders:
+            unit.instance.fmu.setRealInputDerivatives(
+                [ref for ref in refs for _ in orders], [order for _ in refs for order in orders], slopes
+            )
+
+    def _set_discrete_inputs(self, unit: PlannedUnit) -> None:
+        """Integers and Booleans: the value at the step's begin, or the one just computed by a unit before."""
+        integers, booleans = unit.inputs[1:]
+        first = len(unit.inputs[0])
+        held = [self.p[wire.signal][0] for wire in unit.wires[first:]]
+        if integers:
+            unit.instance.fmu.setInteger(integers, [round(x) for x in held[: len(integers)]])
+        if booleans:
+            unit.instance.fmu.setBoolean(booleans, [x >= 0.5 for x in held[len(integers) :]])
+
+    def _get_outputs(self, unit: PlannedUnit) -> None:
+        self._get(unit.instance, unit.outputs, unit.first_signal)
+
+    def _get_watched(self, unit: PlannedUnit) -> None:
+        self._get(unit.instance, unit.watched, unit.first_signal + unit.n_outputs)
+
+    def _get_slopes(self, unit: PlannedUnit) -> None:
+        if unit.output_derivatives and unit.outputs[0]:
+            first, n = unit.first_signal, len(unit.outputs[0])
+            self.dy[first : first + n] = unit.instance.fmu.getRealOutputDerivatives(unit.outputs[0], [1] * n)
+
+    def _get(self, instance: Instance, columns: tuple[tuple[int, ...], ...], first: int) -> None:
+        fmu = instance.fmu
+        for refs, get in zip(columns, (fmu.getReal, fmu.getInteger, fmu.getBoolean), strict=True):
+            if refs:
+                self.y[first : first + len(refs)] = [float(y) for y in get(refs)]
+                first += len(refs)
+
+    def _through(self, wire: Wire, s: float) -> Polynomial:
+        a0, a1, a2, a3 = shifted(self.p[wire.signal], s)
+        return a0 * wire.factor + wire.offset, a1 * wire.factor, a2 * wire.factor, a3 * wire.factor
+
+    # Signals
+
+    def _extrapolate(self, unit: PlannedUnit, h: float) -> None:
+        degree = self.scheme.extrapolation
+        n_real = len(unit.outputs[0])
+        for s in range(unit.first_signal, unit.first_signal + unit.n_outputs):
+            if s >= unit.first_signal + n_real:
+                self.p[s] = constant(self.past[s].y)
+            elif unit.output_derivatives:
+                self.p[s] = extrapolate_with_slope(self.past[s], degree, self.known, self.h_prev)
+            else:
+                self.p[s] = extrapolate_values(self.past[s], degree, self.known, self.h_prev, self.h_prev2)
+            self.expected[s] = value(self.p[s], h)
+
+    def _interpolate(self, unit: PlannedUnit, h: float) -> None:
+        cubic = self.scheme.interpolation == 3 and unit.output_derivatives
+        n_real = len(unit.outputs[0])
+        for s in range(unit.first_signal, unit.first_signal + unit.n_outputs):
+            past = self.past[s]
+            if s >= unit.first_signal + n_real:
+                self.p[s] = constant(self.y[s])
+            elif cubic:
+                self.p[s] = hermite(past.y, past.dy, self.y[s], self.dy[s], h)
+            else:
+                self.p[s] = line(past.y, self.y[s], h)
+
+    def _follow_inputs(self, t: float, t_end: float, h: float) -> None:
+        """The system's inputs: the chord over the step, exact where no sample lies inside."""
+        self.sample = self._sample_before(self.sample, t)
+        k_end = self._sample_before(self.sample, t_end)
+        for j, samples in enumerate(self.samples):
+            begin, end = self._sample_at(samples, self.sample, t), self._sample_at(samples, k_end, t_end)
+            self.p[self.plan.n_outputs + j] = line(begin, end, h)
+
+    def _coupling_error(self, h: float) -> float:
+        """Off by how many tolerances: the worst of what readers expected of signals (then they expect what came out).
+
+        Also of energy that one unit gave and the next did not take in a step of length h: it tells of impacts that are
+        over before the step is.
+        """
+        worst, tolerance = 0.0, self.scheme.tolerance
+        for s, judged in enumerate(self.plan.judged):
+            if not judged:
+                continue
+            error = abs(self.y[s] - self.expected[s]) / (tolerance * (self.plan.nominal[s] + abs(self.y[s])))
+            if not error <= worst:  # NaN counts as worst
+                worst = error
+            self.expected[s] = self.y[s]
+        for flow in self.plan.flows:
+            given, taken = (self.y[s] - self.past[s].y for s in (flow.given, flow.taken))
+            error = abs(given - taken) / (tolerance * (flow.power * h + abs(given)))
+            if not error <= worst:
+                worst = error
+        return worst
+
+    # Time
+
+    def _time(self, tick: int) -> float:
+        return self.start_time + tick * self.step_size
+
+    def _sample_before(self, k: int, t: float) -> int:
+        while k + 1 < len(self.sample_time) and self.sample_time[k + 1] <= t:
+            k += 1
+        return k
+
+    def _sample_at(self, samples: list[float], k: int, t: float) -> float:
+        time = self.sample_time
+        if t <= time[0]:
+            return samples[0]
+        if k + 1 >= len(time):
+            return samples[-1]
+        return samples[k] + (samples[k + 1] - samples[k]) * ((t - time[k]) / (time[k + 1] - time[k]))
+
+
+# Polynomials: signals.h in Python
+
+
+def value(p: Polynomial, s: float) -> float:
+    return p[0] + s * (p[1] + s * (p[2] + s * p[3]))
+
+
+def shifted(p: Polynomial, s: float) -> Polynomial:
+    return value(p, s), p[1] + s * (2 * p[2] + s * (3 * p[3])), p[2] + s * (3 * p[3]), p[3]
+
+
+def constant(y: float) -> Polynomial:
+    return y, 0.0, 0.0, 0.0
+
+
+def line(y0: float, y1: float, h: float) -> Polynomial:
+    return y0, (y1 - y0) / h, 0.0, 0.0
+
+
+def hermite(y0: float, dy0: float, y1: float, dy1: float, h: float) -> Polynomial:
+    slope = (y1 - y0) / h
+    return y0, dy0, (3 * slope - 2 * dy0 - dy1) / h, (dy0 + dy1 - 2 * slope) / (h * h)
+
+
+def extrapolate_with_slope(p: Past, degree: int, known: int, h_prev: float) -> Polynomial:
+    if degree == 0:
+        return constant(p.y)
+    if degree == 1 or known < 2:
+        return p.y, p.dy, 0.0, 0.0
+    slope_prev = (p.y - p.y_prev) / h_prev
+    if degree == 2:
+        return p.y, p.dy, (p.dy - slope_prev) / h_prev, 0.0
+    a3 = (p.dy + p.dy_prev - 2 * slope_prev) / (h_prev * h_prev)
+    return p.y, p.dy, (2 * p.dy + p.dy_prev - 3 * slope_prev) / h_prev, a3
+
+
+def extrapolate_values(p: Past, degree: int, known: int, h_prev: float, h_prev2: float) -> Polynomial:
+    if degree == 0 or known < 2:
+        return constant(p.y)
+    slope_prev = (p.y - p.y_prev) / h_prev
+    if degree == 1 or known < 3:
+        return p.y, slope_prev, 0.0, 0.0
+    slope_prev2 = (p.y_prev - p.y_prev2) / h_prev2
+    a2 = (slope_prev - slope_prev2) / (h_prev + h_prev2)
+    return p.y, slope_prev + a2 * h_prev, a2, 0.0

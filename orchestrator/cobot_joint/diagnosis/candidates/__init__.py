@@ -1,0 +1,1 @@
+"""Families of effects that could be missing: each proposes, none decides."""

@@ -1,0 +1,359 @@
+"""The score test: what every switched-off term would take from the residual, re-fittable parameters projected out."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cobot_joint.diagnosis.estimation.fit import PRIOR, Active, Fit, bounded_step
+from cobot_joint.diagnosis.estimation.order_spectrum import order_spectrum
+from cobot_joint.diagnosis.estimation.problem import Key, Problem, Run, Vector
+from cobot_joint.diagnosis.plant.plant import Signals, TermCandidate
+
+SEGMENTS = 16  # of a run; an effect may set in at each of their borders
+ORDERS = 3  # whole orders per term that are simulated, of those that the residual's own order spectrum shows
+PROMISING = 0.03  # of the best gain at middle shapes, that a term needs for its other shapes to be simulated
+RESPONSE = 0.3  # rms over noise that a probing amplitude should cause
+LEAST, GREATEST = 0.1, 30.0  # the same, as it is kept; simulations are rough by some 0.002
+LATE = 60.0  # chi-square by which setting in later must beat being there from the start
+TWINS = 0.9995  # cosine above which two units' terms of one name are one
+IN_PROPORTION = 100.0  # to which a probing amplitude is made larger or smaller without trying it again
+FIRST = {
+    "N.m": 1e-3,
+    "N.m.s2/rad2": 1e-9,
+    "rad/(s.N.m)": 1e-2,
+    "V": 1e-2,
+    "A": 3e-3,
+    "Ohm": 1e-2,
+    "rad": 1e-3,
+    "s": 2e-3,
+    "1": 3e-2,
+    "1/K": 1e-2,
+    "1/A2": 1e-4,
+    "1/J": 1e-5,
+    "1/rad2": 1e4,
+}  # probing amplitude by unit; then adapted
+
+
+@dataclass(frozen=True)
+class Column:
+    """d(simulated)/d(amplitude) of a term at one scanned shape; two for a pair of sine and cosine."""
+
+    term: TermCandidate
+    shape: Mapping[str, float]
+    vectors: tuple[Vector, ...]
+
+
+@dataclass(frozen=True)
+class Score:
+    """What one term would take away at its best shape and onset, all that is re-fittable re-fitted (linearly)."""
+
+    term: TermCandidate
+    gain: float
+    values: Mapping[str, float]  # amplitude, phase, shapes
+    onset: float | None
+    column: Column = field(repr=False)
+
+    @property
+    def active(self) -> Active:
+        """The term switched on as the score test would have it."""
+        return Active(self.term, self.values, self.onset)
+
+
+class Scan:
+    """Columns of all terms of a plant. Probing amplitudes, once found, serve every later scan."""
+
+    def __init__(self, problem: Problem, terms: Sequence[TermCandidate]) -> None:
+        self.problem = problem
+        self.terms = list(terms)
+        self.probe: dict[str, float] = {}
+        self._simulated: dict[tuple[Key, int], Signals] = {}  # while probing, of one recording; a column asks for them
+        self.twins: dict[str, str] = {}  # term -> term of the same name in another unit that responds alike
+
+    def columns(self, fit: Fit, skip: Collection[str] = (), only: Collection[str] | None = None) -> list[Column]:
+        """One run per scanned shape (two per pair); other than middle shapes only where the term shows.
+
+        only: the terms to look at, and their twins; None: all.
+        """
+        terms = [
+            t
+            for t in self.terms
+            if t.name not in skip
+            and (only is None or any(name in only for name in self.alike(t.name)))
+            and any(self.problem.plant.has(t.name, r) for r in self.problem.recordings)
+        ]
+        self._adapt([t for t in terms if t.name not in self.probe], fit)
+        orders = self._orders(fit, [t for t in terms if any(s.whole for s in t.shapes)])
+        first = {t.name: _middle(t, orders) for t in terms}
+        families: dict[str, list[TermCandidate]] = {}
+        for term in terms:
+            families.setdefault(term.name.split(".")[1], []).append(term)
+        followers = {
+            t.name: family[0] for family in families.values() for t in family[1:] if _same_shapes(t, family[0])
+        }
+        found = self._run(fit, [(t, first[t.name]) for t in terms])
+        by_term = {c.term.name: [c] for c in found}
+        for name, leader in followers.items():
+            if (
+                name in by_term
+                and leader.name in by_term
+                and _cosine(by_term[name][0], by_term[leader.name][0]) > TWINS
+            ):
+                self.twins[name] = leader.name
+        gains = {s.term.name: s.gain for s in scores(self.problem, fit, found)}
+        least = PROMISING * max(gains.values(), default=0.0)
+        rest = [
+            (t, s)
+            for t in terms
+            if t.name not in self.twins and (gains.get(t.name, 0.0) >= least or any(s.whole for s in t.shapes))
+            for s in _shapes(t, orders)
+            if s != first[t.name]
+        ]
+        for column in self._run(fit, rest):
+            by_term.setdefault(column.term.name, []).append(column)
+        for name, leader_name in self.twins.items():
+            if name in by_term and leader_name in by_term:
+                a, b = by_term[name][0].vectors[0], by_term[leader_name][0].vectors[0]
+                ratio = float(a @ b / (b @ b))
+                by_term[name] = [
+                    Column(
+                        by_term[name][0].term,
+                        _renamed(c.shape, c.term, by_term[name][0].term),
+                        tuple(ratio * v for v in c.vectors),
+                    )
+                    for c in by_term[leader_name]
+                ]
+        return [c for columns in by_term.values() for c in columns]
+
+    def alike(self, name: str) -> set[str]:
+        """A term and its twins in other units."""
+        leader = self.twins.get(name, name)
+        return {leader, *(t for t, other in self.twins.items() if other == leader)}
+
+    def _run(self, fit: Fit, wanted: Sequence[tuple[TermCandidate, Mapping[str, float]]]) -> list[Column]:
+        runs = [run for term, shape in wanted for run in _probes(fit.run, term, shape, self.probe[term.name])]
+        simulated = iter(self.problem.simulate(runs, fit.simulated, known=None if fit.run.added else self._simulated))
+        columns = []
+        for term, shape in wanted:
+            vectors = [next(simulated) for _ in range(2 if term.phase else 1)]
+            if all(v is not None for v in vectors):
+                delta = self.probe[term.name]
+                columns.append(Column(term, shape, tuple((v.white - fit.simulated.white) / delta for v in vectors)))  # type: ignore[union-attr]
+        return [c for c in columns if all(v @ v > 0 for v in c.vectors)]
+
+    def probes(self, fit: Fit) -> dict[str, float]:
+        """Term -> probing amplitude."""
+        self._adapt([t for t in self.terms if t.name not in self.probe], fit)
+        return self.probe
+
+    def _adapt(self, terms: Sequence[TermCandidate], fit: Fit) -> None:
+        """Amplitudes whose responses are well above rounding and still small.
+
+        One recording says it, unless the term does not show there.
+        """
+        trial = {t.name: min(FIRST.get(t.unit, 1e-6), 0.5 * (t.upper - t.neutral)) for t in terms}
+        one = {t.name: self._fullest(t) for t in terms}
+        left = list(terms)
+        self._simulated.clear()  # they were beside another fit
+        for _ in range(6):
+            runs = [next(iter(_probes(fit.run, t, _middle(t, {}), trial[t.name]))) for t in left]
+            again = []
+            simulated = self.problem.simulate(runs, fit.simulated, [one[t.name] for t in left])
+            for term, run, found in zip(left, runs, simulated, strict=True):
+                size = np.sqrt(np.mean((found.white - fit.simulated.white) ** 2)) if found else np.inf
+                if found and (n := one[term.name]) is not None:
+                    self._simulated[run.key, n] = found.outputs[n]
+                if size < 1e-3:
+                    one[term.name] = None
+                if LEAST <= size <= GREATEST or (
+                    size < LEAST and trial[term.name] >= 0.4 * (term.upper - term.neutral)
+                ):
+                    continue
+                factor = 1e-3 if not np.isfinite(size) else 1e3 if size < 1e-3 else float(RESPONSE / size)
+                trial[term.name] = min(trial[term.name] * factor, 0.5 * (term.upper - term.neutral))
+                if not 1 / IN_PROPORTION < factor < IN_PROPORTION:
+                    again.append(term)
+            left = again
+            if not left:
+                break
+        self.probe |= trial
+
+    def _fullest(self, term: TermCandidate) -> int | None:
+        """The first recording of those that have most components, the term's among them."""
+        there = [n for n, r in enumerate(self.problem.recordings) if self.problem.plant.has(term.name, r)]
+        components = {t.component for t in self.terms}
+        return max(
+            there,
+            key=lambda n: sum(self.problem.plant.has(c, self.problem.recordings[n]) for c in components),
+            default=None,
+        )
+
+    def _orders(self, fit: Fit, terms: Sequence[TermCandidate]) -> dict[str, list[float]]:
+        """Shape -> the whole orders whose order spectrum stands out, over the angles that the term's unit knows."""
+        angles: dict[str, tuple[str, ...]] = {}
+        for port in self.problem.plant.ports:
+            angles[port.component] = tuple(dict.fromkeys((*angles.get(port.component, ()), *port.angles)))
+        wanted = sorted({a for t in terms for a in angles.get(t.component, ())})
+        outputs = self.problem.outputs(fit.run, wanted) if wanted else []
+        found: dict[str, list[float]] = {}
+        for term in terms:
+            shape = next(s for s in term.shapes if s.whole)
+            if len(shape.values) <= ORDERS or not angles.get(term.component):
+                continue
+            power = np.zeros(len(shape.values))
+            for angle in angles[term.component]:
+                power = np.maximum(power, order_spectrum(self.problem, fit.residual, angle, outputs, shape.values)[0])
+            best = np.argsort(-power)[:ORDERS]
+            found[shape.name] = [shape.values[k] for k in sorted(best)]
+        return found
+
+
+def scores(problem: Problem, fit: Fit, columns: Sequence[Column]) -> list[Score]:
+    """Best first, one per term."""
+    return ScoreTest(problem, fit, columns).rank(fit.residual)
+
+
+class ScoreTest:
+    """Gram matrices of a fit's Jacobian and the terms' columns per segment of the runs; they serve any residual."""
+
+    def __init__(self, problem: Problem, fit: Fit, columns: Sequence[Column]) -> None:
+        self.columns = columns
+        self.x = fit.x
+        coordinates = fit.hypothesis.coordinates
+        self.prior = np.where([c.kind == "base" for c in coordinates], PRIOR, 1e-9)
+        self.lower = np.array([c.lower for c in coordinates]) - fit.x
+        self.upper = np.array([c.upper for c in coordinates]) - fit.x
+        duration = float(problem.times().max())
+        self.width = duration / SEGMENTS
+        segment = np.minimum((problem.times() / (duration + 1e-9) * SEGMENTS).astype(int), SEGMENTS - 1)
+        self.rows = [np.flatnonzero(segment == k) for k in range(SEGMENTS)]
+        stacked = np.column_stack([fit.jacobian, *(v for c in columns for v in c.vectors)])
+        self.parts = [stacked[rows] for rows in self.rows]
+        self.grams = np.zeros((SEGMENTS, stacked.shape[1] + 1, stacked.shape[1] + 1))  # row and column 0: the residual
+        for gram, part in zip(self.grams, self.parts, strict=True):
+            gram[1:, 1:] = part.T @ part
+
+    def rank(self, residual: Vector) -> list[Score]:
+        """Best first, one per term."""
+        for gram, part, rows in zip(self.grams, self.parts, self.rows, strict=True):
+            gram[0, 1:] = gram[1:, 0] = part.T @ residual[rows]
+        whole, base = self.grams.sum(axis=0), len(self.x)
+        settled, nothing = bounded_step(
+            whole[1 : base + 1, 1 : base + 1] + np.diag(self.prior),
+            whole[1 : base + 1, 0] - self.prior * self.x,
+            self.lower,
+            self.upper,
+        )
+        held = (settled <= self.lower + 1e-9) | (settled >= self.upper - 1e-9)  # at a bound: it projects nothing out
+        best: dict[str, Score] = {}
+        at = base + 1
+        for column in self.columns:
+            own = np.arange(at, at + len(column.vectors))
+            at += len(own)
+            for window, active in _windows(column.term, self.grams, self.width):
+                gain, amplitude = _gain(whole, active, own, base, self.prior, self.x, held, nothing)
+                gain -= LATE if window is not None and not column.term.episode else 0.0
+                score = _score(column, amplitude, gain, window, self.width)
+                if score and (column.term.name not in best or gain > best[column.term.name].gain):
+                    best[column.term.name] = score
+        return sorted(best.values(), key=lambda s: -s.gain)
+
+
+def _gain(
+    whole: Vector,
+    active: Vector,
+    own: NDArray[np.intp],
+    base: int,
+    prior: Vector,
+    x: Vector,
+    held: NDArray[np.bool_],
+    nothing: float,
+) -> tuple[float, Vector]:
+    """Decrease of the cost beyond what a re-fit alone brings, and the amplitudes.
+
+    active: Gram matrix over the time the term acts.
+    """
+    free = np.concatenate([1 + np.flatnonzero(~held), own])
+    gram = whole[np.ix_(free, free)].copy()
+    gradient = whole[free, 0].copy()
+    k = len(own)
+    gram[-k:, :] = active[np.ix_(own, free)]
+    gram[:, -k:] = active[np.ix_(free, own)]
+    gradient[-k:] = active[own, 0]
+    p = prior[~held]
+    gram[: len(p), : len(p)] += np.diag(p)
+    gradient[: len(p)] -= p * x[~held]
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    step = np.linalg.lstsq(gram / np.outer(scale, scale), gradient / scale, rcond=1e-10)[0] / scale
+    return float(gradient @ step) - nothing, step[-k:]
+
+
+def _windows(term: TermCandidate, grams: Vector, width: float) -> Iterator[tuple[tuple[float, float] | None, Vector]]:
+    """((from, to), Gram matrix over that time); None: always. A term with a from and a to is scanned as windows."""
+    if term.episode:
+        for length in (1, 2, 4):
+            for start in range(SEGMENTS - length + 1):
+                yield (start * width, (start + length) * width), grams[start : start + length].sum(axis=0)
+        return
+    later = np.cumsum(grams[::-1], axis=0)[::-1]
+    yield None, later[0]
+    for start in range(1, SEGMENTS - 1):
+        yield (start * width, np.inf), later[start]
+
+
+def _score(
+    column: Column, amplitude: Vector, gain: float, window: tuple[float, float] | None, width: float
+) -> Score | None:
+    """None: the amplitude has the wrong sign."""
+    term, values = column.term, dict(column.shape)
+    if term.phase:
+        values[term.amplitude] = float(np.hypot(*amplitude))
+        values[term.phase] = float(np.arctan2(amplitude[1], amplitude[0]))
+    else:
+        values[term.amplitude] = float(np.clip(term.neutral + amplitude[0], term.lower, term.upper))
+        if values[term.amplitude] != term.neutral + amplitude[0] and abs(
+            values[term.amplitude] - term.neutral
+        ) < 1e-3 * abs(amplitude[0]):
+            return None
+    if term.episode and window:
+        values |= dict(zip(term.episode, (window[0], window[1] - window[0]), strict=True))
+        return Score(term, gain, values, None, column)
+    return Score(term, gain, values, window[0] if window else None, column)
+
+
+def _probes(run: Run, term: TermCandidate, shape: Mapping[str, float], delta: float) -> list[Run]:
+    values = {**run.values, **shape, term.amplitude: term.neutral + delta}
+    phases = [{term.phase: 0.0}, {term.phase: np.pi / 2}] if term.phase else [{}]
+    return [replace(run, values={**values, **phase}, touches=(term.component,)) for phase in phases]
+
+
+def _shapes(term: TermCandidate, orders: Mapping[str, Sequence[float]]) -> list[dict[str, float]]:
+    """Every combination of scanned shapes."""
+    if term.episode:  # always on: windows are cut from its response
+        return [{s.name: (0.0 if s.name.endswith(".t_0") else 1e6) for s in term.shapes}]
+    choices = [orders.get(s.name, s.values) for s in term.shapes]
+    return [dict(zip([s.name for s in term.shapes], values, strict=True)) for values in product(*choices)]
+
+
+def _middle(term: TermCandidate, orders: Mapping[str, Sequence[float]]) -> dict[str, float]:
+    """The combination in the middle."""
+    shapes = _shapes(term, orders)
+    return shapes[len(shapes) // 2]
+
+
+def _same_shapes(a: TermCandidate, b: TermCandidate) -> bool:
+    return [s.values for s in a.shapes] == [s.values for s in b.shapes]
+
+
+def _renamed(shape: Mapping[str, float], old: TermCandidate, new: TermCandidate) -> dict[str, float]:
+    names = {o.name: n.name for o, n in zip(old.shapes, new.shapes, strict=True)}
+    return {names[name]: value for name, value in shape.items()}
+
+
+def _cosine(a: Column, b: Column) -> float:
+    u, v = a.vectors[0], b.vectors[0]
+    return float(abs(u @ v) / np.sqrt((u @ u) * (v @ v)))

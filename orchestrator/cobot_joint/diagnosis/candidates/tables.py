@@ -1,0 +1,107 @@
+"""The shape of an unlisted effect where no formula holds: piecewise linear over one of the component's own signals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cobot_joint.diagnosis.candidates.formulas import Dictionary, Local, sgn
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.port_response import Choice, LeastSquares, respond
+from cobot_joint.diagnosis.estimation.problem import Problem, Vector
+from cobot_joint.diagnosis.plant.correction import TIME
+from cobot_joint.diagnosis.plant.plant import Port
+
+COARSE, FINE = 9, 25  # knots with which arguments compete, and of the one that wins
+ENOUGH = 0.97  # of what is above noise, from which on no further argument is tried
+KEPT = 0.99  # of the gain, that the smoothest table must keep
+SMALL = 1e-3  # of what a table takes, that its size costs: what the re-fit can do is left to the re-fit
+TURN = 2 * np.pi
+
+
+@dataclass(frozen=True)
+class Argument:
+    """What a table is over: knots of a signal (or of the time, `t`), modulo a period if that is not 0, times a sign."""
+
+    signal: str
+    knots: Vector
+    period: float = 0.0
+    factor: str = ""  # "sgn(w)", or none
+
+    def hats(self, k: Local) -> list[Vector]:
+        """Piecewise linear functions, 1 at one knot and 0 at the others: (n,) each. The ends of a period are one."""
+        u = k.time if self.signal == TIME else k.signals[self.signal]
+        u = np.mod(u, self.period) if self.period else u
+        hats = [np.interp(u, self.knots, row) for row in np.eye(len(self.knots))]
+        if self.period:
+            hats[0] = hats[0] + hats.pop()
+        direction = sgn(k.signals[self.factor[4:-1]]) if self.factor else 1.0
+        return [direction * hat for hat in hats]
+
+
+@dataclass(frozen=True)
+class Table:
+    """An argument and the port's value at its knots, (n,)."""
+
+    argument: Argument
+    values: Vector
+    choice: Choice
+
+
+def look_for_table(problem: Problem, start: Fit, ports: Sequence[Port], say: Callable[[str], None]) -> Table | None:
+    """The table that takes most at any of the ports; None: no signal there moves."""
+    structure = max(problem.excess(start.residual), 1e-9)
+    best: tuple[float, Dictionary, int] | None = None
+    for port in ports:
+        say(f"tables at {port.name}")
+        dictionary = Dictionary(problem, start, port)
+        for number, argument in enumerate(arguments(dictionary, COARSE)):
+            if best is None or best[0] < ENOUGH * structure:
+                gain = _fitted(problem, start, dictionary, argument).choice.gain
+                best = (gain, dictionary, number) if best is None or gain > best[0] else best
+    if best is None:
+        return None
+    _, dictionary, number = best
+    return _fitted(problem, start, dictionary, arguments(dictionary, FINE)[number])
+
+
+def arguments(dictionary: Dictionary, count: int) -> list[Argument]:
+    """Speed, loads, angles over a turn, time; the latter two also with the sign of the speed."""
+    locals_ = list(dictionary.locals.values())
+    directions = [""] + ([f"sgn({dictionary.speed})"] if dictionary.speed else [])
+    found = []
+    for name in ([dictionary.speed] if dictionary.speed else []) + dictionary.loads:
+        u = np.concatenate([k.signals[name] for k in locals_])
+        if np.ptp(u) > 0:
+            found.append(Argument(name, np.linspace(u.min(), u.max(), count)))
+    for name in (a for a in dictionary.angles if dictionary.reach(a) > TURN / 2):
+        found += [Argument(name, np.linspace(0, TURN, count), TURN, d) for d in directions]
+    end = max(float(k.time[-1]) for k in locals_)
+    return found + [Argument(TIME, np.linspace(0, end, count), 0.0, d) for d in directions]
+
+
+def _fitted(problem: Problem, start: Fit, dictionary: Dictionary, argument: Argument) -> Table:
+    """As smooth as it can be without losing more than a little of what it takes."""
+    hats = {recording: argument.hats(k) for recording, k in dictionary.locals.items()}
+    count = len(next(iter(hats.values())))
+    features = {f"{argument.signal} at knot {k}": {r: h[k] for r, h in hats.items()} for k in range(count)}
+    moving = {form: v for form, v in features.items() if any(np.any(x != 0) for x in v.values())}
+    columns = respond(problem, start, dictionary.port, moving)
+    squares, every = LeastSquares(start, columns), list(range(len(columns)))
+    rough = np.diff(np.eye(len(columns)), 2, axis=0)  # second differences; those across a period's ends stay free
+    size = float(np.mean([c.vector @ c.vector for c in columns])) or 1.0
+    small = SMALL * size * np.eye(len(columns))
+    free, coefficients = squares.gain(every, small)
+    gain = free
+    for strength in np.geomspace(1e-6, 1e3, 19):
+        smoother = squares.gain(every, small + strength * size * rough.T @ rough)
+        if smoother[0] < KEPT * free:
+            break
+        gain, coefficients = smoother
+    at_knots = dict(zip((c.form for c in columns), coefficients, strict=True))
+    values = np.array([at_knots.get(form, 0.0) for form in features])
+    if argument.period:
+        values = np.append(values, values[0])
+    return Table(argument, values, Choice(tuple(columns), coefficients, gain))

@@ -1,0 +1,239 @@
+"""`cobot-joint diagnose`, `verify` and `prove`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    SpinnerColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+from cobot_joint.errors import UserError
+
+console = Console()
+if not console.is_terminal:
+    console = Console(width=160)
+VARIANTS = ("nominal", "calibrated", "repaired")
+
+CampaignFile = Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="A campaign, or the folder that holds it.")]
+Baseline = Annotated[
+    str | None,
+    typer.Option(
+        help="Instead of the diagnosis: refit (tolerances only), sparse (regression on the equations, pysindy) "
+        "or gp (Gaussian-process discrepancy)."
+    ),
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the application."""
+    for command in (diagnose, verify, prove):
+        app.command()(command)
+
+
+def diagnose(
+    campaign: CampaignFile,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the results.", show_default="diagnosis beside the campaign")
+    ] = None,
+    baseline: Baseline = None,
+) -> None:
+    """Locate where recordings and system differ, name what is missing, and repair the system.
+
+    Called again after an interruption, it goes on from what it finished.
+    """
+    from cobot_joint.diagnosis.data.campaign import load_campaign
+    from cobot_joint.diagnosis.frequency import is_response
+    from cobot_joint.diagnosis.run import diagnose_campaign
+
+    if is_response(campaign):
+        if baseline is not None:
+            raise UserError(f"--baseline {baseline!r} is given, none is there for a frequency response")
+        _diagnose_response(campaign, out)
+        return
+    loaded = load_campaign(campaign)
+    folder = _folder(out or loaded.path.parent / "diagnosis")
+    with _stages() as progress:
+        result = diagnose_campaign(loaded, folder, baseline=baseline, progress=progress)
+    for recording in loaded.recordings:
+        for note in recording.notes:
+            console.print(f"[dim]{escape(recording.name)}: {escape(note)}[/dim]", soft_wrap=True)
+    console.print(f"\n[bold]{escape(result.sentence)}[/bold]", soft_wrap=True)
+    content = result.diagnosis
+    if content["findings"]:
+        console.print(_findings(content["findings"]))
+    roles = [r for r in ("train", "holdout") if any(r in c for c in content["channels"].values())]
+    for role in roles:
+        title = {"train": "training runs", "holdout": "held-out runs"}[role]
+        figures = {n: {"noise": c["noise"], **c[role]} for n, c in content["channels"].items() if role in c}
+        console.print(_figures(f"rms of recording - simulation, {title}", figures, result.units))
+    if content.get("next_experiment"):
+        console.print(f"next: {escape(content['next_experiment'])}", soft_wrap=True)
+    for path in result.files:
+        console.print(path, soft_wrap=True)
+
+
+def _diagnose_response(campaign: Path, out: Path | None) -> None:
+    """`diagnose` of amplitudes over frequency: every reading of the experiment beside the others."""
+    from cobot_joint.diagnosis.frequency_run import diagnose_response_campaign
+
+    path = campaign / "campaign.toml" if campaign.is_dir() else campaign
+    folder = _folder(out or path.parent / "diagnosis")
+    with _stages() as progress:
+        result = diagnose_response_campaign(path, folder, progress=progress)
+    console.print(f"\n[bold]{escape(result.sentence)}[/bold]", soft_wrap=True)
+    if result.diagnosis["findings"]:
+        console.print(_findings(result.diagnosis["findings"]))
+    grid = Table(title="rms of ln(simulated/measured)", title_justify="left", title_style="bold")
+    for name in ("reading", *VARIANTS, "named"):
+        grid.add_column(name, justify="right" if name in VARIANTS else "left")
+    for row in result.diagnosis["readings"]:
+        grid.add_row(row["name"], *(f"{row[name]:.4f}" for name in VARIANTS), ", ".join(row["terms"]) or "-")
+    console.print(grid)
+    for path in result.files:
+        console.print(path, soft_wrap=True)
+
+
+def verify(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="What diagnose wrote.")],
+    campaign: CampaignFile,
+) -> None:
+    """Hold the repaired system against the campaign's held-out recordings."""
+    from cobot_joint.diagnosis.data.campaign import load_campaign
+    from cobot_joint.diagnosis.repair.verify import read_diagnosis
+    from cobot_joint.diagnosis.repair.verify import verify as run
+
+    read_diagnosis(folder)  # before anything takes time
+    loaded = load_campaign(campaign, roles=("holdout",))
+    content = run(folder, loaded)
+    units = {name: unit for recording in loaded.recordings for name, unit in recording.units.items()}
+    console.print(_figures("rms of recording - simulation, held-out runs", content["channels"], units))
+    for name in ("verify.json", "verify.parquet"):
+        console.print(folder / name, soft_wrap=True)
+
+
+def prove(
+    folder: Annotated[Path, typer.Argument(metavar="SETDIR", help="A folder of folders with a campaign.toml each.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the results, by case.", show_default="beside the recordings")
+    ] = None,
+    baseline: Baseline = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Cases at a time.")] = 2,
+) -> None:
+    """Diagnose every case of a set, verify those with held-out runs, and score where answers are published.
+
+    Finished cases are kept as they are. Published answers are checked against their seals.
+    """
+    from cobot_joint.diagnosis.evaluation.prove import CaseResult, cases_of
+    from cobot_joint.diagnosis.evaluation.prove import prove as run
+
+    if out is not None:
+        _folder(out)
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+    stderr = Console(stderr=True)
+    bar = Progress(*columns, TimeRemainingColumn(), console=stderr, transient=True, disable=not stderr.is_terminal)
+    with bar:
+        task = bar.add_task("cases", total=len(cases_of(folder)))
+
+        def done(result: CaseResult) -> None:
+            bar.advance(task)
+            bar.console.print(f"{result.case}: {result.status}, {result.seconds:.0f} s {escape(result.message)}")
+
+        proof = run(folder, out, baseline=baseline, jobs=jobs, done=done)
+    for case, why in (proof.broken_seals or {}).items():
+        console.print(f"[bold red]seal of {escape(case)}: {escape(why)}[/bold red]", soft_wrap=True)
+    if proof.broken_seals == {}:
+        console.print(f"{len(proof.results)} answers are those that were sealed")
+    if proof.score is None:
+        console.print("no answers.json in the set: nothing to score")
+    else:
+        _scoreboard(proof.score)
+    failed = [r for r in proof.results if r.status == "failed"]
+    if failed or proof.broken_seals:
+        raise typer.Exit(1)
+
+
+def _scoreboard(score: dict[str, Any]) -> None:
+    """Per case what was said, then the rates."""
+    grid = Table(title="cases", title_justify="left", title_style="bold")
+    for name in ("case", "", "concealed", "false claims", "excess error removed"):
+        grid.add_column(name)
+    for row in score["rows"]:
+        said = [f"{e['name']}: {_said(e)}" for e in row["effects"]]
+        removed = "" if row["excess_removed"] is None else f"{100 * row['excess_removed']:.1f} %"
+        wrong = ", ".join(row["false"]) or (row["why"] or "")
+        grid.add_row(row["case"], "ok" if row["right"] else "--", "; ".join(said) or "nothing", wrong, removed)
+    console.print(grid)
+    rates = Table(title="scoreboard", title_justify="left", title_style="bold")
+    for name in ("measure", "value", "of", "95 %"):
+        rates.add_column(name, justify="left" if name == "measure" else "right")
+    for name, value in (score["summary"] | {"seconds_median": score["seconds_median"]}).items():
+        if isinstance(value, dict):
+            interval = "" if value["ci95"] is None else "{:.3f} to {:.3f}".format(*value["ci95"])
+            rates.add_row(name, str(value["k"]), str(value["n"]), interval)
+        else:
+            rates.add_row(name, "" if value is None else f"{value:.4g}", "", "")
+    console.print(rates)
+
+
+def _said(effect: dict[str, Any]) -> str:
+    return "named" if effect["named"] else "located" if effect["located"] else "missed"
+
+
+def _findings(findings: list[dict[str, Any]]) -> Table:
+    grid = Table(title="findings", title_justify="left", title_style="bold")
+    for name in ("term", "sure", "since", "parameters", "could also be"):
+        grid.add_column(name)
+    for f in findings:
+        values = [f"{name} = {p['value']:.4g} {p['unit']}" for name, p in f["parameters"].items()]
+        if f.get("shape"):
+            values.append(f"{f['shape']['port']} = {f['shape']['formula'] or 'a table'}")
+        if f.get("course"):
+            values.append(f["words"].split("; ")[0])
+        onset = "at times" if f.get("course") else "start" if f["onset"] is None else f"{f['onset']:.2f} s"
+        equivalent = ", ".join(f["equivalent"]) or "-"
+        grid.add_row(f["term"], f"{100 * f['confidence']:.0f} %", onset, "\n".join(values), equivalent)
+    return grid
+
+
+def _figures(title: str, channels: dict[str, dict[str, Any]], units: dict[str, str]) -> Table:
+    grid = Table(title=title, title_justify="left", title_style="bold")
+    grid.add_column("channel")
+    for name in ("unit", "noise", *VARIANTS):
+        grid.add_column(name, justify="right")
+    for channel, row in channels.items():
+        cells = ["-" if row[name] is None else f"{row[name]:.4g}" for name in ("noise", *VARIANTS)]
+        grid.add_row(channel, units.get(channel, ""), *cells)
+    return grid
+
+
+@contextmanager
+def _stages() -> Iterator[Any]:
+    """What is being done, on stderr; a callback of words."""
+    stderr = Console(stderr=True)
+    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
+    with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
+        task = bar.add_task("reading", total=None)
+        yield lambda words: bar.update(task, description=words)
+
+
+def _folder(path: Path) -> Path:
+    """The folder, made where it is missing. UserError: it cannot be."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"--out {path}: a folder that can be written is needed: {error.strerror}") from error
+    return path

@@ -1,0 +1,1 @@
+"""Recordings in: files become regular, unit-checked recordings with known noise."""

@@ -1,0 +1,313 @@
+"""A campaign: a campaign.toml, the system it names, and its recordings."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from cobot_joint import paths
+from cobot_joint.diagnosis.data.recording import Connector, Recording, Role, read_recording
+from cobot_joint.errors import UserError, among
+from cobot_joint.system.read import load_system
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How far a healthy parameter may be off: relative to its nominal value, or between two values."""
+
+    relative: float | None = None
+    between: tuple[float, float] | None = None
+
+    def bounds(self, nominal: float) -> tuple[float, float]:
+        """(lower, upper) around `nominal`"""
+        if self.between is not None:
+            return self.between
+        assert self.relative is not None
+        return nominal - self.relative * abs(nominal), nominal + self.relative * abs(nominal)
+
+
+def _tolerance(given: Any) -> Tolerance:
+    if isinstance(given, Tolerance):
+        return given
+    if isinstance(given, str) and (percent := re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*%\s*", given)):
+        return Tolerance(relative=float(percent[1]) / 100)
+    if (
+        isinstance(given, list)
+        and len(given) == 2
+        and all(isinstance(v, (int, float)) for v in given)
+        and given[0] < given[1]
+    ):
+        return Tolerance(between=(float(given[0]), float(given[1])))
+    raise ValueError(f'{given!r} is given, "20 %" or [lower, upper] is allowed')
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
+
+
+class Logged(_Model):
+    """What the logger's data sheet says of a channel; what a recording then shows is estimated from the recording."""
+
+    unit: str
+    causality: Literal["input", "output"]
+    noise: float | None = None  # 1 sigma
+    colour: Annotated[float, Field(ge=0, lt=1)] | None = None  # correlation from sample to sample; None: as recorded
+    step: float | None = None  # of the converter
+    range: float | None = None  # +-
+    setups: list[str] | None = None  # where it exists; None: in all
+
+
+First = Annotated[str, Field(pattern=r"^first sample( of .+)?$")]  # of the channel of the same name, or of another
+
+
+class RecordingEntry(_Model):
+    """One [[recording]] of campaign.toml."""
+
+    file: str
+    setup: str | None = None
+    role: Role = "train"
+    initial: dict[str, float | First] = Field(default_factory=dict)
+    time: str | None = None  # the clock's column, where it has an unusual name
+    begin: float | None = None  # s on the file's clock: what lies before is left out
+    end: float | None = None
+    late: dict[str, float] = Field(default_factory=dict)  # column -> s by which its stamps are late
+
+
+class Alternative(_Model):
+    """A reading of an experiment whose description leaves something open: each is diagnosed, the best is the answer."""
+
+    name: str
+    parameters: dict[str, float | str] = Field(default_factory=dict)
+    term: str | None = None  # what it is a finding of, where it is not the first reading that holds
+
+
+class FrequencyExperiment(_Model):
+    """Amplitudes over frequency instead of time series: what the runs behind them were."""
+
+    input: str  # driven by amplitude*sin(omega t)
+    amplitude: Annotated[float, Field(gt=0)]  # in the input's unit
+    output: str  # whose half swing after settling was measured
+    settle: Annotated[float, Field(ge=0)] = 2.0  # s
+    parameters: dict[str, float | str] = Field(default_factory=dict)  # of the experiment, not of the system
+
+
+class CampaignFile(_Model):
+    """campaign.toml, and the defaults `<system>.campaign.toml` that a shipped system brings."""
+
+    title: str = "untitled"
+    system: str = "joint"
+    setups: dict[str, str] = Field(default_factory=dict)  # set-up -> its .ssd or .ssp
+    channels: dict[str, str] = Field(default_factory=dict)  # column -> connector
+    tolerances: dict[str, Annotated[Tolerance, BeforeValidator(_tolerance)]] = Field(default_factory=dict)
+    logged: dict[str, Logged] = Field(default_factory=dict)
+    terms: list[str] = Field(
+        default_factory=list
+    )  # `component.term` that are looked at, where not all of the units' are
+    frequency_response: FrequencyExperiment | None = None
+    alternative: list[Alternative] = Field(default_factory=list)  # of a frequency response
+    recording: list[RecordingEntry] = Field(default_factory=list)
+
+
+@dataclass
+class Campaign:
+    """Everything a diagnosis starts from."""
+
+    title: str
+    path: Path
+    system: str
+    setups: dict[str, Path]
+    channels: dict[str, str]
+    tolerances: dict[str, Tolerance]
+    logged: dict[str, Logged]
+    recordings: list[Recording]
+    notes: list[str] = field(default_factory=list)
+    terms: list[str] = field(default_factory=list)  # to look at; empty: all
+
+    @property
+    def train(self) -> list[Recording]:
+        """What may be fitted."""
+        return [r for r in self.recordings if r.role == "train"]
+
+    @property
+    def holdout(self) -> list[Recording]:
+        """What is scored and never fitted."""
+        return [r for r in self.recordings if r.role == "holdout"]
+
+    @property
+    def outputs(self) -> list[str]:
+        """Compared connectors, in the order in which recordings bring them."""
+        return list(dict.fromkeys(name for r in self.recordings for name in r.outputs))
+
+
+def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout")) -> Campaign:
+    """Read campaign.toml and the recordings of the given roles.
+
+    Raises UserError with one line that says what, where and what is allowed.
+    """
+    path = Path(path)
+    if path.is_dir():
+        path = path / "campaign.toml"
+    given = read_campaign_file(path)
+    if not given.recording:
+        raise UserError(f"{path}: no [[recording]] is given, one at least is needed")
+    if given.frequency_response:
+        raise UserError(
+            f"{path}: a frequency response is given, time series are allowed here; cobot-joint diagnose takes both"
+        )
+    _join_published_holdout(path, given)
+    defaults, setups = _system(path, given)
+    logged = defaults.logged | given.logged
+    channels = given.channels or defaults.channels
+    recordings = []
+    for entry in given.recording:
+        setup = entry.setup or next(iter(setups))
+        if setup not in setups:
+            raise UserError(
+                f"{path}: recording {entry.file!r}: setup {setup!r} is given, {' or '.join(setups)} is allowed"
+            )
+        if entry.role not in roles:
+            continue
+        connectors = _connectors(setups[setup], setup, logged, channels)
+        recordings.append(
+            read_recording(
+                path.parent / entry.file,
+                connectors,
+                channels or {name: name for name in connectors},
+                role=entry.role,
+                setup=setup,
+                initial=entry.initial,
+                time_column=entry.time,
+                window=(entry.begin, entry.end),
+                late=entry.late,
+            )
+        )
+    for recording, entry in zip(recordings, [e for e in given.recording if e.role in roles], strict=True):
+        if entry.begin is not None or entry.end is not None:  # two windows of one file
+            recording.name += f" from {recording.time[0]:.4g} s to {recording.time[-1]:.4g} s"
+    names = [r.name for r in recordings]
+    for recording in recordings:  # a.csv beside a.parquet
+        if names.count(recording.name) > 1 and recording.path:
+            recording.name = recording.path.name
+    return Campaign(
+        given.title, path, given.system, setups, channels, defaults.tolerances | given.tolerances, logged, recordings,
+        terms=given.terms,
+    )  # fmt: skip
+
+
+def holdouts(path: Path) -> list[Path]:
+    """Held-out recordings of a campaign that are there, unread."""
+    given = read_campaign_file(path)
+    _join_published_holdout(path, given)
+    files = [path.parent / entry.file for entry in given.recording if entry.role == "holdout"]
+    return [file for file in files if file.is_file()]
+
+
+def missing_recordings(path: Path) -> list[Path]:
+    """Recordings that a campaign names and that are not there."""
+    files = [path.parent / entry.file for entry in read_campaign_file(path).recording]
+    return [file for file in files if not file.is_file()]
+
+
+def _join_published_holdout(path: Path, given: CampaignFile) -> None:
+    """A sealed case's held-out run is published as holdout.parquet beside a campaign.toml of before."""
+    file = "holdout.parquet"
+    if (path.parent / file).is_file() and all(entry.file != file for entry in given.recording):
+        given.recording.append(RecordingEntry(file=file, setup=given.recording[-1].setup, role="holdout"))
+
+
+def read_campaign_file(path: Path) -> CampaignFile:
+    """The file as it is. UserError: it is not a campaign."""
+    try:
+        return CampaignFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    except FileNotFoundError as error:
+        raise UserError(f"{path}: there is no such campaign file") from error
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise UserError(f"{path}: not a TOML file: {error}") from error
+    except ValidationError as error:
+        raise UserError(f"{path}: {_first(error)}") from error
+
+
+def _first(error: ValidationError) -> str:
+    """The first finding of pydantic, in one line."""
+    finding = error.errors()[0]
+    where = ".".join(str(part) for part in finding["loc"])
+    if finding["type"] == "extra_forbidden":
+        parent: Any = CampaignFile
+        if finding["loc"][0] == "recording":
+            parent = RecordingEntry
+        elif finding["loc"][0] == "logged":
+            parent = Logged
+        return f"{where}: no such key, allowed are {', '.join(parent.model_fields)}"
+    message = finding["msg"].removeprefix("Value error, ")
+    return f"{where}: {message}" if "is given" in message else f"{where}: {finding['input']!r} is given; {message}"
+
+
+def _system(path: Path, given: CampaignFile) -> tuple[CampaignFile, dict[str, Path]]:
+    """Defaults that come with the system, and set-up -> system file."""
+    if given.system.endswith((".ssp", ".ssd")):
+        file = path.parent / given.system
+        if not file.is_file():
+            raise UserError(f"{path}: system {given.system!r}: there is no {file}")
+        defaults, folder, single = CampaignFile(), path.parent, file
+    else:
+        systems = paths.folder("systems")
+        sidecar = systems / f"{given.system}.campaign.toml"
+        if not sidecar.is_file():
+            shipped = ", ".join(sorted(f.name.removesuffix(".campaign.toml") for f in systems.glob("*.campaign.toml")))
+            raise UserError(f"{path}: system {given.system!r} is given, {shipped} or an .ssp or .ssd file is allowed")
+        defaults, folder, single = read_campaign_file(sidecar), systems, systems / f"{given.system}.ssd"
+    setups = {name: folder / file for name, file in (defaults.setups | given.setups).items()}
+    if given.setups:
+        setups |= {name: path.parent / file for name, file in given.setups.items()}
+    return defaults, setups or {"default": single}
+
+
+def _connectors(system: Path, setup: str, logged: dict[str, Logged], channels: dict[str, str]) -> dict[str, Connector]:
+    """What recordings of a set-up may belong to: the logger's channels, and connectors that [channels] names."""
+    found = {
+        name: Connector(name, channel.causality, channel.unit)
+        for name, channel in logged.items()
+        if channel.setups is None or setup in channel.setups
+    }
+    if set(channels.values()) <= set(logged) and found:
+        return found
+    offered = system_connectors(system)
+    for column, name in channels.items():
+        if name not in logged and name not in offered:
+            raise UserError(
+                f"[channels] {column!r} = {name!r}: {system.name} has no such connector, it has {among(offered)}"
+            )
+    wanted = set(channels.values()) - set(logged)
+    return found | {name: connector for name, connector in offered.items() if not channels or name in wanted}
+
+
+def system_connectors(path: Path) -> dict[str, Connector]:
+    """Inputs and outputs of a system: its own connectors by name, those of its components as `component.variable`."""
+    system = load_system(path)
+    own = {c.name: Connector(c.name, c.causality, c.unit) for c in [*system.inputs.values(), *system.outputs.values()]}
+    of_components = {
+        f"{component.name}.{v.name}": Connector(
+            f"{component.name}.{v.name}", v.causality, component.unit.unit_of(v.name)
+        )
+        for component in system.components
+        for v in component.unit.variables.values()
+        if v.causality in ("input", "output")
+    }
+    return own | of_components
+
+
+__all__ = [
+    "Campaign",
+    "Connector",
+    "Logged",
+    "Recording",
+    "Tolerance",
+    "UserError",
+    "load_campaign",
+    "system_connectors",
+]

@@ -1,0 +1,188 @@
+"""What a recorded channel is worth, from the data: noise, its colour, the converter's step, saturation, delay."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import toeplitz
+from scipy.optimize import brentq
+
+from cobot_joint.diagnosis.data.campaign import Campaign, Recording
+
+WINDOW = 256  # samples in which a quiet signal is a parabola
+QUIETEST = (
+    0.03  # share of windows that is taken for noise alone; windows as quiet, within the scatter of a variance, join it
+)
+RAIL = 10  # samples in a row at an extreme from which the channel counts as saturated: noise would move them
+
+
+@dataclass(frozen=True)
+class ChannelQuality:
+    """One channel of one recording, or of all that have it."""
+
+    noise: float  # 1 sigma, quantisation included
+    colour: float  # correlation from sample to sample, first order
+    step: float  # of the converter; 0: none seen
+    low: float
+    high: float
+    saturated: int  # samples at an extreme, several in a row
+    missing: int  # samples not recorded
+    samples: int
+
+
+def condition(campaign: Campaign) -> dict[str, ChannelQuality]:
+    """Per compared channel, over all recordings of the campaign that have it: the logger is the same in all of them."""
+    return {
+        name: assess(*(r.outputs[name] for r in campaign.recordings if name in r.outputs)) for name in campaign.outputs
+    }
+
+
+def assess(*series: NDArray[np.float64]) -> ChannelQuality:
+    """One channel. series: per recording (n,) on a regular clock, NaN where not recorded."""
+    recorded = [x[np.isfinite(x)] for x in series]
+    x = np.concatenate(recorded)
+    noise, colour = noise_and_colour(*series)
+    return ChannelQuality(
+        noise=noise,
+        colour=colour,
+        step=quantisation_step(x),
+        low=float(x.min(initial=np.inf)),
+        high=float(x.max(initial=-np.inf)),
+        saturated=sum(_saturated(part, x) for part in recorded),
+        missing=sum(map(len, series)) - len(x),
+        samples=sum(map(len, series)),
+    )
+
+
+def noise_and_colour(*series: NDArray[np.float64]) -> tuple[float, float]:
+    """Sigma and lag-1 correlation of the noise on a slow signal.
+
+    In windows, less a parabola; the quietest windows are noise alone. What the parabola takes from coloured noise is
+    put back by matching the expected moments of a first-order process. (NaN, 0) where no window is recorded in full.
+    """
+    n = min(WINDOW, max(16, min(map(len, series)) // 8))
+    windows = np.concatenate([np.lib.stride_tricks.sliding_window_view(x, n)[:: n // 2] for x in series])
+    windows = windows[np.isfinite(windows).all(axis=1)]
+    if not len(windows):
+        return float("nan"), 0.0
+    basis = _parabolas(n)
+    rest = windows - (windows @ basis) @ basis.T
+    power = np.mean(rest**2, axis=1)
+    if not (power > 0).any():
+        return 0.0, 0.0
+    floor = np.quantile(power[power > 0], QUIETEST)
+    colour, variance = 0.0, 0.0
+    for _ in range(3):  # coloured noise has fewer independent samples per window: its variances scatter more
+        scatter = np.sqrt(2 / n * (1 + colour**2) / (1 - colour**2))
+        quiet = power <= floor * (1 + 2.5 * scatter) / max(1 - 1.9 * scatter, 0.25)
+        variance = float(np.mean(power[quiet]))
+        colour = _colour(n, float(np.mean(rest[quiet, 1:] * rest[quiet, :-1])) / variance)
+    return float(np.sqrt(variance / _moments(n, colour)[0])), colour
+
+
+def _colour(n: int, seen: float, lower: float = -0.95, upper: float = 0.98) -> float:
+    """The first-order correlation whose noise, less its parabola in n samples, shows the correlation seen."""
+    if seen <= _moments(n, lower)[1]:
+        return lower
+    if seen >= _moments(n, upper)[1]:
+        return upper
+    return float(brentq(lambda rho: _moments(n, rho)[1] - seen, lower, upper, xtol=1e-4))
+
+
+@lru_cache(maxsize=8)
+def _parabolas(n: int) -> NDArray[np.float64]:
+    """Orthonormal 1, t, t^2: (n, 3)"""
+    return np.linalg.qr(np.vander(np.linspace(-1, 1, n), 3, increasing=True))[0]
+
+
+@lru_cache(maxsize=256)
+def _moments(n: int, rho: float) -> tuple[float, float]:
+    """Of unit first-order noise less its parabola, in a window of n: variance, and lag-1 product over variance."""
+    basis = _parabolas(n)
+    covariance = toeplitz(rho ** np.arange(n))
+    left = covariance - basis @ (basis.T @ covariance)
+    rest = left - (left @ basis) @ basis.T
+    variance = float(np.trace(rest)) / n
+    return variance, float(np.trace(rest, offset=1)) / (n - 1) / variance
+
+
+def quantisation_step(x: NDArray[np.float64]) -> float:
+    """The converter's step: distances between values that occur are whole multiples of it. 0 where they are not."""
+    values = np.unique(x)
+    if len(values) < 3 or len(values) > 0.5 * len(x):
+        return 0.0
+    apart = np.diff(values)
+    apart = apart[apart > 1e-2 * np.median(apart)]  # the file's own rounding, 4.88e-3 or 4.883e-3
+    step = float(np.median(apart[apart <= 1.5 * apart.min()]))
+    whole = np.rint(values / step)
+    step = float(np.dot(whole, values) / np.dot(whole, whole))  # all values together know it better than two neighbours
+    return step if np.mean(np.abs(values / step - np.rint(values / step)) < 0.1) > 0.95 else 0.0
+
+
+def _saturated(x: NDArray[np.float64], everywhere: NDArray[np.float64]) -> int:
+    """Samples of x in runs of RAIL or more at the very top or bottom of what occurs anywhere."""
+    count = 0
+    for extreme in (everywhere.min(initial=np.inf), everywhere.max(initial=-np.inf)):
+        at = np.concatenate([[0], (x == extreme).astype(int), [0]])
+        starts, stops = np.flatnonzero(np.diff(at) == 1), np.flatnonzero(np.diff(at) == -1)
+        runs = stops - starts
+        count += int(runs[runs >= RAIL].sum())
+    return count
+
+
+def delay(
+    reference: NDArray[np.float64], signal: NDArray[np.float64], step: float, longest: float = 0.05
+) -> tuple[float, float]:
+    """Seconds by which `signal` comes after `reference`, and their standard error.
+
+    Both (n,) on the same clock of `step`. The peak of the cross-correlation within +-longest finds the whole samples;
+    least squares for gain, offset and delay, linearised there, finds the rest. (NaN, inf) where the signals have
+    nothing in common to align.
+    """
+    valid = np.isfinite(reference) & np.isfinite(signal)
+    a = np.where(valid, reference - np.mean(reference[valid]), 0.0)
+    b = np.where(valid, signal - np.mean(signal[valid]), 0.0)
+    most = min(round(longest / step), len(a) // 4)
+    lags = range(-most, most + 1)
+    # of the differences: slow parts correlate at any lag
+    da, db = np.diff(a), np.diff(b)
+    score = np.array([np.dot(da[max(0, -k) : len(da) - max(0, k)], db[max(0, k) : len(db) - max(0, -k)]) for k in lags])
+    if not np.any(score):
+        return float("nan"), float("inf")
+    tau = lags[int(np.argmax(np.abs(score)))] * step
+    t, error = np.arange(len(a)) * step, float("inf")
+    inner = valid & (t >= 2 * longest) & (t <= t[-1] - 2 * longest)
+    for _ in range(20):
+        moved = np.interp(t - tau, t, a)
+        slope = np.gradient(moved, step)
+        design = np.column_stack([moved, np.ones_like(moved), -slope])[inner]
+        solution, *_ = np.linalg.lstsq(design, b[inner], rcond=None)
+        gain = solution[0]
+        if gain == 0 or not np.isfinite(solution).all():
+            return float("nan"), float("inf")
+        rest = b[inner] - design @ solution
+        change = float(np.clip(solution[2] / gain, -step, step))
+        tau += change
+        # first-order colour of what is left: fewer independent samples than there are
+        colour = float(np.clip(np.dot(rest[1:], rest[:-1]) / np.dot(rest, rest), 0, 0.99)) if np.any(rest) else 0.0
+        covariance = np.linalg.pinv(design.T @ design) * np.mean(rest**2) * (1 + colour) / (1 - colour)
+        error = float(np.sqrt(covariance[2, 2])) / abs(gain)
+        if abs(change) < 1e-3 * step:
+            break
+    return tau, error
+
+
+def delays(recording: Recording, reference: str, longest: float = 0.05) -> dict[str, tuple[float, float]]:
+    """Delay of every compared channel behind one of them, (s, standard error).
+
+    Physics between the two channels is part of it.
+    """
+    series = recording.outputs | recording.inputs
+    return {
+        name: delay(series[reference], values, recording.step, longest)
+        for name, values in recording.outputs.items()
+        if name != reference
+    }

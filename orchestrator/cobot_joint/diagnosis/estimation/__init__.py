@@ -1,0 +1,1 @@
+"""Whitened residuals, Jacobians, bounded least squares and their marginals. No policy, no prose."""

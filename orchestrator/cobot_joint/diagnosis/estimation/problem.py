@@ -1,0 +1,221 @@
+"""The fit's residual: recording - simulation, channels and recordings stacked, whitened with the noise's own colour."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.plant.plant import Plant, Signals, SimulationError
+
+Vector = NDArray[np.float64]
+BLOCK = 16  # samples
+ROUGH, SMOOTH = 0.15, 0.02  # impacts in a gap make single runs rough; amplitudes at a frequency are smooth
+
+
+Key = tuple[frozenset[tuple[str, float]], frozenset[tuple[str, float]]]
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Of a channel: 1 sigma in all, correlation from sample to sample; the converter's step: its rounding is white."""
+
+    sigma: float
+    colour: float = 0.0
+    step: float = 0.0
+
+    @property
+    def filter(self) -> tuple[float, float, float]:
+        """(rho, theta, sigma of the innovation): (1 - rho B) y = (1 + theta B) e, noise and white rounding."""
+        rounding = min(self.step**2 / 12, 0.5 * self.sigma**2)
+        first = self.sigma**2 - rounding
+        rho = float(np.clip(self.colour * self.sigma**2 / first, 0.0, 0.95))
+        g0, g1 = first * (1 - rho**2) + (1 + rho**2) * rounding, -rho * rounding
+        if g1 == 0:
+            return rho, 0.0, float(np.sqrt(g0))
+        theta = (g0 - np.sqrt(g0**2 - 4 * g1**2)) / (2 * g1)  # the invertible root of g1 theta^2 - g0 theta + g1 = 0
+        return rho, float(theta), float(np.sqrt(g1 / theta))
+
+
+@dataclass(frozen=True)
+class Run:
+    """What to simulate, in every recording of a problem."""
+
+    values: Mapping[str, float]
+    onsets: Mapping[str, float] = field(default_factory=dict)
+    added: Mapping[str, Mapping[str, Vector]] = field(default_factory=dict)  # recording -> port -> (n,)
+    touches: tuple[
+        str, ...
+    ] = ()  # components beside which nothing changes; recordings that lack them are not run again
+
+    @property
+    def key(self) -> Key:
+        """Same values and onsets, same run, where nothing else is added."""
+        return frozenset(self.values.items()), frozenset(self.onsets.items())
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """Outputs per recording, and all of them stacked and whitened: (rows,)"""
+
+    outputs: tuple[Signals, ...]
+    white: Vector
+
+
+@dataclass(frozen=True)
+class Block:
+    """Rows of the stacked residual that are one channel of one recording."""
+
+    recording: int
+    channel: str
+    rows: slice
+    weight: NDArray[np.float64]  # 0 where not recorded
+
+
+class Problem:
+    """Recordings to be explained by a plant.
+
+    `whiten` is linear: differences of simulations are whitened the same way as residuals. Rows have unit variance when
+    only noise is left. step: of difference quotients, in tolerances or amplitudes: as long as the simulation is rough.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        recordings: Sequence[Recording],
+        noise: Mapping[str, Noise],
+        jobs: int = 2,
+        step: float = ROUGH,
+    ) -> None:
+        self.plant = plant
+        self.recordings = list(recordings)
+        self.noise = dict(noise)
+        self.jobs = jobs
+        self.step = step
+        self.runs = 0
+        self._took = [0.0 for _ in self.recordings]  # s; that a simulation took the last time
+        self.blocks: list[Block] = []
+        row = 0
+        for number, recording in enumerate(self.recordings):
+            for channel, recorded in recording.outputs.items():
+                known = np.isfinite(recorded)
+                known[1:] &= known[:-1].copy() | (noise[channel].colour == 0)
+                rows = slice(row, row + len(recorded))
+                self.blocks.append(Block(number, channel, rows, known.astype(float)))
+                row = rows.stop
+        self.rows = row
+        self.recorded = self.whiten([r.outputs for r in self.recordings])
+
+    @property
+    def samples(self) -> int:
+        """Rows that carry data."""
+        return int(sum(block.weight.sum() for block in self.blocks))
+
+    def whiten(self, outputs: Sequence[Mapping[str, Vector]]) -> Vector:
+        """Per recording, channel -> (n,): stacked as (rows,), divided by the innovation's sigma."""
+        stacked = np.empty(self.rows)
+        for block in self.blocks:
+            y = np.nan_to_num(outputs[block.recording][block.channel])
+            rho, theta, sigma = self.noise[block.channel].filter
+            white = lfilter([1.0, -rho], [1.0, theta], y) / sigma
+            white[0] = y[0] / self.noise[block.channel].sigma
+            stacked[block.rows] = white * block.weight
+        return stacked
+
+    def simulate(
+        self,
+        runs: Sequence[Run],
+        base: Simulated | None = None,
+        only: Sequence[int | None] = (),
+        known: Mapping[tuple[Key, int], Signals] | None = None,
+    ) -> list[Simulated | None]:
+        """Every run in every recording; None where a simulation failed.
+
+        base: a run from which `runs` differ only in `touches`. only: with a base, per run the one recording that is
+        simulated; the others stay as in the base. known: outputs of a run in a recording, simulated before.
+        """
+        jobs = [
+            (k, n)
+            for k, run in enumerate(runs)
+            for n, recording in enumerate(self.recordings)
+            if base is None or not run.touches or any(self.plant.has(t, recording) for t in run.touches)
+            if not only or only[k] in (None, n)
+        ]
+        outputs: list[list[Signals | None]] = [
+            list(base.outputs) if base else [None] * len(self.recordings) for _ in runs
+        ]
+        keys, known = [run.key for run in runs] if known else [], known or {}
+        for k, n in [job for job in jobs if known and (keys[job[0]], job[1]) in known]:
+            outputs[k][n] = known[keys[k], n]
+            jobs.remove((k, n))
+        jobs.sort(key=lambda job: -self._took[job[1]])  # what takes longest first, so that all end together
+        with ThreadPoolExecutor(self.jobs) as pool:
+            for (k, n), found in zip(jobs, pool.map(lambda job: self._one(runs[job[0]], job[1]), jobs), strict=True):
+                outputs[k][n] = found
+        self.runs += len(jobs)
+        return [self._complete(found) for found in outputs]
+
+    def _complete(self, outputs: Sequence[Signals | None]) -> Simulated | None:
+        found = [o for o in outputs if o is not None]
+        return Simulated(tuple(found), self.whiten(found)) if len(found) == len(outputs) else None
+
+    def outputs(self, run: Run, signals: Sequence[str] = ()) -> list[Signals]:
+        """Per recording, outputs and `signals` of one run. Raises SimulationError."""
+        with ThreadPoolExecutor(self.jobs) as pool:
+            return list(pool.map(lambda n: self._simulate(run, n, signals), range(len(self.recordings))))
+
+    def _one(self, run: Run, n: int) -> Signals | None:
+        begun = time.perf_counter()
+        try:
+            return self._simulate(run, n, ())
+        except SimulationError:
+            return None
+        finally:
+            self._took[n] = time.perf_counter() - begun
+
+    def _simulate(self, run: Run, n: int, signals: Sequence[str]) -> Signals:
+        recording = self.recordings[n]
+        there = {name: value for name, value in run.values.items() if self.plant.has(name, recording)}
+        wanted = [name for name in signals if self.plant.has(name, recording)]
+        added = {p: x for p, x in run.added.get(recording.name, {}).items() if self.plant.has(p, recording)}
+        onsets = {name: t for name, t in run.onsets.items() if name in there}
+        found = self.plant.simulate(there, recording, onsets=onsets, added=added, signals=wanted)
+        if not all(np.isfinite(found[channel]).all() for channel in recording.outputs):
+            raise SimulationError(f"{recording.name}: the simulation diverges")
+        return found
+
+    def excess(self, residual: Vector) -> float:
+        """What is left above noise: chi-square of means over `BLOCK` samples, less its expectation.
+
+        Slow structure stays in it, white noise goes.
+        """
+        total = 0.0
+        for block in self.blocks:
+            n = len(residual[block.rows]) // BLOCK * BLOCK
+            means = residual[block.rows][:n].reshape(-1, BLOCK).sum(axis=1) / np.sqrt(BLOCK)
+            total += float(means @ means) - len(means)
+        return total
+
+    @property
+    def excess_scatter(self) -> float:
+        """1 sigma of `excess` when only noise is left"""
+        return float(np.sqrt(2 * self.rows / BLOCK))
+
+    def unexplained(self, residual: Vector) -> bool:
+        """Whether more is left than noise leaves."""
+        left, above = self.excess(residual), float(residual @ residual) - self.samples
+        return left > 3 * self.excess_scatter or above > 0.03 * self.samples
+
+    def times(self) -> Vector:
+        """Time of every row since its run began, s: (rows,)"""
+        stacked = np.empty(self.rows)
+        for block in self.blocks:
+            time = self.recordings[block.recording].time
+            stacked[block.rows] = time - time[0]
+        return stacked

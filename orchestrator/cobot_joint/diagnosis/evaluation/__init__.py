@@ -1,0 +1,1 @@
+"""How often the diagnosis is right: concealed campaigns, synthetic faults, baselines, scores."""

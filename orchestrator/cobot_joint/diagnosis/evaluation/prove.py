@@ -1,0 +1,120 @@
+"""Every case of a set of concealed campaigns, then the scoreboard."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from joblib import Parallel, delayed
+
+from cobot_joint.diagnosis.data.campaign import holdouts, missing_recordings
+from cobot_joint.diagnosis.evaluation.score import broken_seals, read_object, scoreboard
+from cobot_joint.diagnosis.store import write_atomically
+from cobot_joint.errors import UserError
+from cobot_joint.paths import PACKAGE
+
+
+@dataclass(frozen=True)
+class CaseResult:
+    """What became of one case."""
+
+    case: str
+    status: str  # "kept", "done", "failed", or "absent": its recordings are not here
+    seconds: float
+    message: str = ""  # of a failure: its last line; of what is absent: the first file
+
+
+@dataclass(frozen=True)
+class Proof:
+    """A set after all its cases."""
+
+    results: list[CaseResult]
+    broken_seals: dict[str, str] | None  # None: nothing is sealed, or the answers are not published
+    score: dict[str, Any] | None  # None: no answers
+
+
+def cases_of(folder: Path) -> list[str]:
+    """Names of the sub-folders that hold a campaign. Raises UserError where there are none."""
+    if not folder.is_dir():
+        raise UserError(f"{folder}: there is no such folder; a set is a folder of folders with a campaign.toml each")
+    cases = sorted(path.parent.name for path in folder.glob("*/campaign.toml"))
+    if not cases:
+        raise UserError(f"{folder}: holds no case; a set is a folder of folders with a campaign.toml each")
+    return cases
+
+
+def prove(
+    folder: Path,
+    out: Path | None = None,
+    *,
+    baseline: str | None = None,
+    jobs: int = 2,
+    done: Callable[[CaseResult], None] | None = None,
+) -> Proof:
+    """Diagnose every case of `folder`, verify those with held-out runs, score where answers.json is present.
+
+    Finished cases are kept: a diagnosis.json that is there is never written again. Each case runs in a process of its
+    own, so that one that fails is reported and does not stop the others. out: results as OUT/<case>/; default: beside
+    the recordings.
+    """
+    out = out or (folder / "baselines" / baseline if baseline else folder)
+    cases = cases_of(folder)
+    answers, seals = _published(folder / "answers.json"), _published(folder / "seals.json")
+    results: list[CaseResult] = []
+    work = (delayed(_case)(folder / case, out / case, baseline) for case in cases)
+    for result in Parallel(n_jobs=jobs, prefer="threads", return_as="generator_unordered")(work):
+        results.append(result)
+        if done:
+            done(result)
+    score = scoreboard({case: answers[case] for case in cases if case in answers}, out) if answers is not None else None
+    if score is not None:
+        score["baseline"] = baseline
+        score["seconds_median"] = _seconds(cases, out)
+        write_atomically(out / "scoreboard.json", lambda file: file.write_text(json.dumps(score, indent=1) + "\n"))
+    broken = broken_seals(answers, seals) if answers is not None and seals is not None else None
+    return Proof(sorted(results, key=lambda r: r.case), broken, score)
+
+
+def _seconds(cases: list[str], out: Path) -> float | None:
+    """Median of what the diagnoses took; None where none says it."""
+    answers = [read_object(out / case / "diagnosis.json")[0] for case in cases]
+    seconds = [answer["seconds"] for answer in answers if answer and answer.get("seconds")]
+    return round(median(seconds), 1) if seconds else None
+
+
+def _published(path: Path) -> dict[str, Any] | None:
+    content, why = read_object(path)
+    if why and why != "no answer":
+        raise UserError(f"{path}: {why}, a JSON object by case is needed")
+    return content
+
+
+def _case(campaign: Path, out: Path, baseline: str | None) -> CaseResult:
+    """One case through the command line that anyone would use."""
+    begin = time.monotonic()
+    if absent := missing_recordings(campaign / "campaign.toml"):
+        return CaseResult(campaign.name, "absent", 0.0, f"{absent[0].name} is not here, the answer stays as it is")
+    option = ["--baseline", baseline] if baseline else []
+    calls = []
+    if not (out / "diagnosis.json").is_file():
+        calls.append(["diagnose", str(campaign / "campaign.toml"), "--out", str(out), *option])
+    if holdouts(campaign / "campaign.toml") and not (out / "verify.json").is_file():
+        calls.append(["verify", str(out), str(campaign / "campaign.toml")])
+    # this very package, not one that happens to lie in the working directory (-P)
+    path = os.pathsep.join(filter(None, (str(PACKAGE.parent), os.environ.get("PYTHONPATH"))))
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": path}
+    for arguments in calls:
+        command = [sys.executable, "-P", "-m", "cobot_joint.cli", *arguments]
+        ended = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+        if ended.returncode:
+            said = (ended.stderr.strip() or ended.stdout.strip() or f"exit status {ended.returncode}").splitlines()[-1]
+            return CaseResult(campaign.name, "failed", time.monotonic() - begin, f"{arguments[0]}: {said}")
+    return CaseResult(campaign.name, "done" if calls else "kept", time.monotonic() - begin)

@@ -1,0 +1,1 @@
+"""What to record next, so that indistinguishable effects can be told apart."""

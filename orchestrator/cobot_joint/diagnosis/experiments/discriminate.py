@@ -1,0 +1,148 @@
+"""Which experiment would tell apart what these recordings cannot, predicted by simulating it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice, product
+
+import numpy as np
+
+from cobot_joint.diagnosis.estimation.fit import PRIOR, Active, Fit
+from cobot_joint.diagnosis.estimation.problem import Problem, Run, Vector
+from cobot_joint.diagnosis.experiments.excitation import DURATION, experiments
+from cobot_joint.diagnosis.findings import Finding
+from cobot_joint.diagnosis.plant.plant import TermCandidate
+
+SEPARATES = 100.0  # predicted chi-square from which on an experiment is worth doing
+SHAPES = 4  # of a rival that are tried: its best one counts
+RESOLUTION = 1e-3  # noise of a channel that is not there yet, over its range, as the bench's own channels have it
+
+
+def next_experiment(problem: Problem, findings: Sequence[Finding], fit: Fit | None = None) -> str | None:
+    """In words; None where every finding stands alone. fit: with the findings' terms on; without it, only words."""
+    said = [sentence for finding in findings for sentence in _apart(problem, finding, fit)]
+    return " ".join(dict.fromkeys(said)) or None
+
+
+def _apart(problem: Problem, finding: Finding, fit: Fit | None) -> Iterator[str]:
+    """Terms of one name in two units share a shaft; others differ by what they depend on."""
+    name = finding.term.split(".")[1]
+    units = [t.split(".")[0] for t in (finding.term, *finding.equivalent) if t.split(".")[1] == name]
+    if len(units) > 1:
+        yield (
+            f"{name}: {' and '.join(units)} share a shaft that the channels see as one; "
+            f"run {units[0]} uncoupled, with the same voltage, and compare."
+        )
+    active = next((a for a in fit.hypothesis.active if a.term.name == finding.term), None) if fit else None
+    if fit is None or active is None:
+        return
+    rivals = [t for t in problem.plant.terms if t.name in finding.equivalent and t.name.split(".")[1] != name]
+    bench = Bench(problem, fit, active) if rivals else None
+    for rival in rivals:
+        assert bench is not None
+        yield _advice(bench, rival)
+
+
+def _advice(bench: Bench, rival: TermCandidate) -> str:
+    apart = bench.separations(rival)
+    pair = f"{bench.active.term.name} or {rival.name}"
+    words, chi2 = max(((name, s[""]) for name, s in apart.items()), key=lambda best: best[1])
+    if chi2 >= SEPARATES:
+        return f"{pair}: {words}, {DURATION:.0f} s, would differ by a chi-square of {chi2:.0f} after a re-fit."
+    words, channel, chi2 = max(
+        ((name, channel, chi2) for name, s in apart.items() for channel, chi2 in s.items()), key=lambda best: best[2]
+    )
+    none = f"{pair}: no experiment with these channels separates them"
+    if chi2 < SEPARATES:
+        return f"{none}, nor would another output of the units."
+    return f"{none}; {channel} logged as well, {words} would, by a chi-square of {chi2:.0f}."
+
+
+@dataclass(frozen=True)
+class Rows:
+    """One experiment: the rows of its logged channels, whitened, and of every other output, over its noise."""
+
+    logged: Vector
+    more: Mapping[str, Vector]
+
+
+class Bench:
+    """The system with the fit's parameters and one term, in the size found, on experiments that it could do."""
+
+    def __init__(self, problem: Problem, fit: Fit, active: Active) -> None:
+        self.problem = Problem(problem.plant, experiments(problem.recordings), problem.noise, problem.jobs)
+        self.free, self.active = fit.hypothesis.free, active
+        run = replace(fit.run, onsets={}, added={})
+        self.without = replace(run, values={**run.values, active.term.amplitude: active.term.neutral})
+        self.signals = sorted({s for port in problem.plant.ports for s in port.signals})
+        self.there = self.problem.outputs(self.without, self.signals)
+        self.range = {s: max(float(np.ptp(o[s])) for o in self.there if s in o) for s in self.signals}
+        self.new = [s for s in self.signals if self.range[s] > 0 and not self._logged_already(s)]
+        self.effect = self._differences(run, 1.0)
+        self.base = [self._differences(moved, self.problem.step) for moved in self._moved(self.without)]
+
+    def separations(self, rival: TermCandidate) -> dict[str, dict[str, float]]:
+        """Experiment -> additional channel ("": none) -> chi-square that the rival, re-fitted, leaves of the term."""
+        shapes = [[self._differences(r, step) for r, step in runs] for runs in self._rivals(self.without, rival)]
+        found: dict[str, dict[str, float]] = {}
+        for n, recording in enumerate(self.problem.recordings):
+            for channel in ("", *self.effect[n].more):
+                effect = _rows(self.effect[n], channel)
+                base = [_rows(b[n], channel) for b in self.base]
+                left = [_left(effect, base, [_rows(c[n], channel) for c in columns]) for columns in shapes]
+                found.setdefault(recording.name, {})[channel] = min(left)
+        return found
+
+    def _logged_already(self, signal: str) -> bool:
+        """Whether some logged channel is in proportion to it, in every experiment."""
+        own = [(o, r) for o, r in zip(self.there, self.problem.recordings, strict=True) if signal in o]
+        return any(
+            all(channel in r.outputs and _proportional(o[signal], o[channel]) for o, r in own)
+            for channel in self.problem.noise
+        )
+
+    def _moved(self, run: Run) -> Iterator[Run]:
+        """Every re-fittable parameter by a step of its tolerance."""
+        for f in self.free:
+            value = run.values[f.parameter.name] + self.problem.step * (f.upper - f.lower) / 2
+            yield replace(run, values={**run.values, f.parameter.name: value})
+
+    def _rivals(self, run: Run, term: TermCandidate) -> Iterator[list[tuple[Run, float]]]:
+        """Per shape: the term switched on a little, twice if it has a phase."""
+        size = 0.01 * min(term.upper - term.neutral, 1.0)
+        shapes = list(product(*(s.values for s in term.shapes)))
+        for values in islice(shapes, 0, None, max(len(shapes) // SHAPES, 1)):
+            on = {term.amplitude: term.neutral + size, **dict(zip([s.name for s in term.shapes], values, strict=True))}
+            phases = [{term.phase: 0.0}, {term.phase: np.pi / 2}] if term.phase else [{}]
+            yield [(replace(run, values={**run.values, **on, **phase}), size) for phase in phases]
+
+    def _differences(self, run: Run, step: float) -> list[Rows]:
+        """Per experiment, over the step."""
+        found = self.problem.outputs(run, self.signals)
+        white = (self.problem.whiten(found) - self.problem.whiten(self.there)) / step
+        rows = []
+        for n, outputs in enumerate(found):
+            logged = np.concatenate([white[b.rows] for b in self.problem.blocks if b.recording == n])
+            noise = {s: RESOLUTION * self.range[s] for s in self.new if s in outputs}
+            more = {s: (outputs[s] - self.there[n][s]) / (step * sigma) for s, sigma in noise.items()}
+            rows.append(Rows(logged, more))
+        return rows
+
+
+def _proportional(a: Vector, b: Vector) -> bool:
+    return bool(abs(a @ b) >= 0.98 * np.linalg.norm(a) * np.linalg.norm(b))
+
+
+def _rows(rows: Rows, channel: str) -> Vector:
+    return np.concatenate([rows.logged, rows.more[channel]]) if channel else rows.logged
+
+
+def _left(effect: Vector, base: Sequence[Vector], rival: Sequence[Vector]) -> float:
+    """Chi-square of the effect that neither the base parameters, inside their tolerances, nor the rival can mimic."""
+    J = np.column_stack([*base, *rival])
+    weight = np.array([PRIOR] * len(base) + [0.0] * len(rival))
+    gram, gradient = J.T @ J + np.diag(weight), J.T @ effect
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    step = np.linalg.lstsq(gram / np.outer(scale, scale), gradient / scale, rcond=1e-9)[0] / scale
+    return float(max(effect @ effect - gradient @ step, 0.0))

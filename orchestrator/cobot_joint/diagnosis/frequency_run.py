@@ -1,0 +1,108 @@
+"""From a frequency-response campaign to its files: diagnosis.json, report.html, response.csv, repaired.ssp, fmus/."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import cobot_joint
+from cobot_joint.diagnosis.frequency import CHANNEL, Progress, Reading, Response, diagnose_response, load_response
+from cobot_joint.diagnosis.repair.export import write_repair
+from cobot_joint.diagnosis.repair.verify import write_json
+from cobot_joint.diagnosis.report.report import verdict_sentence
+from cobot_joint.diagnosis.run import Outcome, term_texts
+from cobot_joint.diagnosis.store import Store
+from cobot_joint.results import write_csv
+from cobot_joint.scenario.figures import Curve, Panel, draw
+from cobot_joint.system.parameters import with_parameters
+
+Vector = NDArray[np.float64]
+
+
+def diagnose_response_campaign(path: Path, out: Path, *, progress: Progress | None = None) -> Outcome:
+    """Diagnose, repair, compare, report. diagnosis.json is written last; till then OUT/.work has finished readings."""
+    response = load_response(path)
+    store = Store(out / ".work", _basis(response))
+    diagnosis, readings = diagnose_response(response, store, progress)
+    best = min(readings, key=lambda r: r.repaired.chi2)
+    system = with_parameters(response.system, best.alternative.parameters, str(response.path))
+    write_repair({"default": system}, diagnosis.parameters("repaired"), out)
+    diagnosis.channels = {
+        CHANNEL: {
+            "noise": response.noise,
+            "train": {"nominal": best.nominal, "calibrated": _rms(best.calibrated.residual, response),
+                      "repaired": _rms(best.repaired.residual, response)},
+        }
+    }  # fmt: skip
+    content = diagnosis.to_json() | {"readings": [_reading(r, response) for r in readings]}
+    content["provenance"] = _provenance(response)
+    files = _pictures(response, readings, out)
+    sentence = verdict_sentence(content, term_texts({"default": response.system}))
+    write_json(out / "diagnosis.json", content)
+    store.clear()
+    return Outcome(sentence, content, {CHANNEL: "1"}, [out / "diagnosis.json", out / "repaired.ssp", *files])
+
+
+def _basis(response: Response) -> dict[str, Any]:
+    """What every kept result depends on."""
+    return {
+        "version": cobot_joint.__version__,
+        "units": {c.name: (c.unit.directory.name, dict(c.parameters)) for c in response.system.components},
+        "experiment": response.experiment.model_dump(),
+        "table": (response.recording.time, response.recording.outputs),
+        "tolerances": response.given.tolerances,
+    }
+
+
+def _rms(residual: Vector, response: Response) -> float:
+    """Whitened residual -> rms of ln(simulated/measured)"""
+    return float(response.noise * np.sqrt(np.mean(residual**2)))
+
+
+def _reading(reading: Reading, response: Response) -> dict[str, Any]:
+    """One reading's figures: rms of ln(simulated/measured), and what was found under it."""
+    values = reading.repaired.run.values
+    return {
+        "name": reading.alternative.name,
+        "nominal": reading.nominal,
+        "calibrated": _rms(reading.calibrated.residual, response),
+        "repaired": _rms(reading.repaired.residual, response),
+        "terms": [active.term.name for active in reading.repaired.hypothesis.active],
+        "equivalent": list(reading.equivalent),
+        "values": dict(values),
+        "ranking": [{"term": c.term, "gain": c.gain} for c in reading.ranking[:6]],
+    }
+
+
+def _provenance(response: Response) -> dict[str, str]:
+    units = ", ".join(f"{c.name} {c.unit.description.guid}" for c in response.system.components)
+    return {"tool": f"cobot-joint {cobot_joint.__version__}", "campaign": response.given.title, "units": units}
+
+
+def _pictures(response: Response, readings: Sequence[Reading], out: Path) -> list[Path]:
+    """report.html and report.png: amplitudes, and misfit in % per frequency; response.csv with the same numbers."""
+    omega, measured = response.recording.time, np.exp(response.recording.outputs[CHANNEL])
+    best = min(readings, key=lambda r: r.repaired.chi2)
+    simulated = {
+        "re-fitted": measured * np.exp(-response.noise * best.calibrated.residual),
+        "repaired": measured * np.exp(-response.noise * best.repaired.residual),
+    }
+    amplitude = [Curve("measured", omega, 20 * np.log10(measured), "markers")]
+    amplitude += [Curve(name, omega, 20 * np.log10(y)) for name, y in simulated.items()]
+    misfit = [Curve(name, omega, 100 * (y / measured - 1), "line") for name, y in simulated.items()]
+    others = [
+        Curve(r.alternative.name, omega, 100 * (np.exp(-response.noise * r.repaired.residual) - 1)) for r in readings
+    ]
+    panels = [
+        Panel("amplitude [dB]", amplitude),
+        Panel("simulated/measured - 1 [%]", misfit),
+        Panel("repaired, every reading [%]", others),
+    ]
+    pictures = draw(out / "report", "amplitudes", response.given.title, "omega [rad/s]", panels, x_log=True)
+    headers = ["omega [rad/s]", "measured", *simulated]
+    rows = [[float(x) for x in row] for row in zip(omega, measured, *simulated.values(), strict=True)]
+    return [*pictures, write_csv(out / "response.csv", headers, rows)]

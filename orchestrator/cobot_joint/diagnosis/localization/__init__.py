@@ -1,0 +1,1 @@
+"""Where recordings and simulation differ: by component, operating condition and time."""

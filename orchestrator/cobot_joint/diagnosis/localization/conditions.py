@@ -1,0 +1,204 @@
+"""In which regimes a residual is above noise: speed, load, current, direction, time, frequency, angle of each shaft."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cobot_joint.diagnosis.estimation.order_spectrum import order_spectrum
+from cobot_joint.diagnosis.estimation.problem import BLOCK, Problem, Vector
+
+SIZES = ((0.0, 0.05, "near zero"), (0.05, 0.35, "low"), (0.35, 0.7, "middle"), (0.7, np.inf, "high"))  # of the greatest
+BANDS = (0.0, 1.0, 10.0, 100.0, np.inf)  # Hz
+QUARTERS = ("first quarter", "second quarter", "third quarter", "last quarter")  # warmth is not logged, time is
+ORDERS = 24  # per turn, of each shaft
+ALIKE = 0.97  # of the time that two variables are at the same level, from which on one of them is enough
+UNEVEN = 0.1  # dependence from which on a variable is worth naming
+WORTH = 0.1  # share from which on a level is
+STANDS_OUT = 6.0  # sigma above noise, and times above its neighbours, from which on an order is named
+
+
+@dataclass(frozen=True)
+class Regime:
+    """One level of one variable. share: of what is above noise; time: of the samples, or of the spectrum.
+
+    lower, upper: bounds of |variable| in its unit, where there are some.
+    """
+
+    variable: str
+    level: str
+    share: float
+    time: float
+    lower: float | None = None
+    upper: float | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """As diagnosis.json has it."""
+        bounds = {} if self.lower is None else {"between": [self.lower, self.upper]}
+        return {"variable": self.variable, "level": self.level, "share": self.share, "time": self.time} | bounds
+
+
+@dataclass(frozen=True)
+class Order:
+    """So many periods per turn of a shaft stand out. share: of what is above noise, about."""
+
+    angle: str
+    order: int
+    share: float
+
+    def to_json(self) -> dict[str, Any]:
+        """As diagnosis.json has it."""
+        return {"angle": self.angle, "order": self.order, "share": self.share}
+
+
+def regimes(problem: Problem, gain: Vector, signals: Sequence[Mapping[str, Vector]]) -> dict[str, list[Regime]]:
+    """Variable -> its levels; first the variable on which it depends most whether there is something above noise.
+
+    gain: what is above noise, (rows,). signals: by recording, name -> (n,).
+    """
+    sums = np.concatenate([_sums(gain[b.rows]) for b in problem.blocks])
+    total = float(sums.sum()) or 1.0
+    found: dict[str, list[Regime]] = {}
+    seen: list[NDArray[np.intp]] = []
+    for variable, at, levels in _variables(problem, signals):
+        if any(_alike(at, other) for other in seen):
+            continue
+        seen.append(at)
+        found[variable] = [
+            Regime(variable, name, float(sums[at == k].sum()) / total, float(np.mean(at == k)), *bounds)
+            for k, (name, *bounds) in enumerate(levels)
+            if np.any(at == k)
+        ]
+    return by_dependence(found)
+
+
+def _alike(at: NDArray[np.intp], other: NDArray[np.intp]) -> bool:
+    """Whether two variables are at the same level nearly always, where both are there."""
+    both = (at >= 0) & (other >= 0)
+    return bool(both.any() and np.mean(at[both] == other[both]) > ALIKE)
+
+
+def by_dependence(levels: Mapping[str, list[Regime]]) -> dict[str, list[Regime]]:
+    """The same, first what matters most."""
+    return dict(sorted(levels.items(), key=lambda item: -dependence(item[1])))
+
+
+def dependence(levels: Sequence[Regime]) -> float:
+    """How unevenly what is above noise lies over the levels: sum of share*ln(share/time), 0 where it is even."""
+    share, time = np.array([max(r.share, 0.0) for r in levels]), np.array([r.time for r in levels])
+    share, time = share / max(share.sum(), 1e-300), time / time.sum()
+    there = share > 0
+    return float(np.sum(share[there] * np.log(share[there] / time[there])))
+
+
+def densest(levels: Sequence[Regime]) -> Regime | None:
+    """The level in which most is above noise for its time; None: it lies too evenly to name one."""
+    if dependence(levels) < UNEVEN:
+        return None
+    return max((r for r in levels if r.share > WORTH), key=lambda r: r.share / r.time, default=None)
+
+
+Levels = list[tuple[Any, ...]]  # name, and bounds where there are some
+
+
+def _variables(
+    problem: Problem, signals: Sequence[Mapping[str, Vector]]
+) -> Iterator[tuple[str, NDArray[np.intp], Levels]]:
+    """(variable, level of each `BLOCK` samples of each row block or -1, levels)"""
+    yield _labelled("recording", [problem.recordings[b.recording].name for b in problem.blocks], problem)
+    yield _labelled("channel", [b.channel for b in problem.blocks], problem)
+    rank = [np.linspace(0, 4, len(problem.recordings[b.recording].time), endpoint=False) for b in problem.blocks]
+    yield "time", np.concatenate([_means(x).astype(int) for x in rank]), [(name,) for name in QUARTERS]
+    for name in dict.fromkeys(n for s in signals for n in s):
+        x = [_means(signals[b.recording][name]) if name in signals[b.recording] else None for b in problem.blocks]
+        greatest = max(float(np.abs(v).max()) for v in x if v is not None)
+        if greatest == 0:
+            continue
+        edges = [greatest * low for low, _, _ in SIZES[1:]]
+        yield (
+            name,
+            _at(problem, x, lambda v, edges=edges: np.searchsorted(edges, np.abs(v))),
+            [(word, greatest * low, greatest * min(high, 1.0)) for low, high, word in SIZES],
+        )
+        if min(float(v.min()) for v in x if v is not None) < -0.05 * greatest:
+            rest = SIZES[0][1] * greatest
+            yield (
+                f"direction of {name}",
+                _at(problem, x, lambda v, rest=rest: np.where(np.abs(v) < rest, 2, (v < 0).astype(int))),
+                [("positive",), ("negative",), ("at rest",)],
+            )
+
+
+def _labelled(variable: str, labels: Sequence[str], problem: Problem) -> tuple[str, NDArray[np.intp], Levels]:
+    names = list(dict.fromkeys(labels))
+    at = [np.full(_length(b.rows), names.index(label)) for b, label in zip(problem.blocks, labels, strict=True)]
+    return variable, np.concatenate(at), [(name,) for name in names]
+
+
+def _at(problem: Problem, x: Sequence[Vector | None], level: Any) -> NDArray[np.intp]:
+    """Levels of all row blocks, -1 where the variable is not there."""
+    pairs = zip(problem.blocks, x, strict=True)
+    return np.concatenate([np.full(_length(b.rows), -1) if v is None else level(v) for b, v in pairs])
+
+
+def frequencies(problem: Problem, residual: Vector) -> list[Regime]:
+    """By band of frequency; `time` is the band's share of the spectrum. residual: whitened, (rows,)."""
+    edges = np.array(BANDS)
+    above, width = np.zeros(len(edges) - 1), np.zeros(len(edges) - 1)
+    for block in problem.blocks:
+        r, step = residual[block.rows], problem.recordings[block.recording].step
+        power = np.abs(np.fft.rfft(r)) ** 2 / len(r) * 2
+        band = np.searchsorted(edges, np.fft.rfftfreq(len(r), step), side="right") - 1
+        above += np.bincount(band, weights=power - 2 * block.weight.mean(), minlength=len(above))
+        width += np.bincount(band, minlength=len(above))
+    names = [f"{low:g} to {high:g} Hz" for low, high in pairwise(edges)]
+    names[-1] = f"above {edges[-2]:g} Hz"
+    return [
+        Regime("frequency", name, float(a / above.sum()), float(w / width.sum()))
+        for name, a, w in zip(names, above, width, strict=True)
+    ]
+
+
+def orders(
+    problem: Problem, residual: Vector, angles: Sequence[str], signals: Sequence[Mapping[str, Vector]]
+) -> list[Order]:
+    """Orders of the shafts' angles that stand out of the residual's order spectrum, strongest first."""
+    total = float(sum(np.sum(residual[b.rows] ** 2 - b.weight) for b in problem.blocks))
+    found = []
+    for angle in _different(angles, signals):
+        power, windows = order_spectrum(problem, residual, angle, signals, range(1, ORDERS + 1))
+        for k in np.flatnonzero(power > STANDS_OUT * np.sqrt(np.maximum(windows, 1))):
+            mean = power / np.maximum(windows, 1)
+            beside = [mean[j] for j in (k - 2, k - 1, k + 1, k + 2) if 0 <= j < ORDERS and windows[j]]
+            if beside and mean[k] > STANDS_OUT * max(float(np.median(beside)), 0.0):
+                found.append(Order(angle, int(k) + 1, float(3 * power[k] / total)))
+    return sorted(found, key=lambda o: -o.share)
+
+
+def _different(angles: Sequence[str], signals: Sequence[Mapping[str, Vector]]) -> list[str]:
+    """Angles without those that follow another one up to a twist."""
+    kept: list[str] = []
+    for angle in angles:
+        same = [
+            all(np.ptp(s[angle] - s[k]) < 0.05 * np.ptp(s[k]) for s in signals if angle in s and k in s) for k in kept
+        ]
+        if any(angle in s for s in signals) and not any(same):
+            kept.append(angle)
+    return kept
+
+
+def _length(rows: slice) -> int:
+    return int(rows.stop - rows.start) // BLOCK
+
+
+def _sums(x: Vector) -> Vector:
+    return x[: len(x) // BLOCK * BLOCK].reshape(-1, BLOCK).sum(axis=1)
+
+
+def _means(x: Vector) -> Vector:
+    return _sums(np.nan_to_num(x)) / BLOCK

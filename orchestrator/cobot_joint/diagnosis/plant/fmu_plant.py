@@ -1,0 +1,204 @@
+"""A plant made of FMUs: candidates read from their annotations, runs by the native master."""
+
+from __future__ import annotations
+
+import queue
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cobot_joint.cosim import Simulation
+from cobot_joint.cosim.instances import SimulationError as UnitError
+from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.plant.plant import Parameter, Port, ScannedShape, Signals, SimulationError, TermCandidate
+from cobot_joint.diagnosis.plant.simulator import run_beside
+from cobot_joint.system.model import Component, Connection, Connector, System
+from cobot_joint.units import Shape, Term, Unit
+
+ADDITIVE = "_add"  # how the name of an additive input ends
+
+
+class FmuPlant:
+    """Systems by set-up, loaded once per worker thread. A context manager."""
+
+    def __init__(self, systems: Mapping[str, System]) -> None:
+        components = {c.name: c for system in systems.values() for c in system.components}
+        self.systems = {setup: _with_ports(system) for setup, system in systems.items()}
+        self._bare = dict(systems)  # an input costs time even while nothing enters there
+        self._there = {setup: {c.name for c in system.components} for setup, system in systems.items()}
+        self.parameters = {p.name: p for c in components.values() for p in _parameters(c)}
+        self.terms = tuple(t for c in components.values() for t in _terms(c))
+        offered = {name for system in self.systems.values() for name in system.inputs}
+        self.ports = tuple(p for c in components.values() for p in _ports(c) if p.name in offered)
+        self.inputs = tuple(_inputs(systems))
+        self._connectors = {port.name: port.connector for port in self.inputs}
+        self._idle: dict[tuple[str, bool], queue.LifoQueue[Simulation]] = {
+            (setup, ports): queue.LifoQueue() for setup in systems for ports in (False, True)
+        }
+        self._all: list[Simulation] = []
+
+    def __enter__(self) -> FmuPlant:
+        return self
+
+    def __exit__(
+        self, _type: type[BaseException] | None, _value: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        for simulation in self._all:
+            simulation.close()
+        self._all.clear()
+
+    def has(self, name: str, recording: Recording) -> bool:
+        """Whether the set-up of that recording has this component, or the component of this parameter or port."""
+        return name.split(".")[0] in self._there[recording.setup]
+
+    def simulate(
+        self,
+        values: Mapping[str, float],
+        recording: Recording,
+        *,
+        onsets: Mapping[str, float] | None = None,
+        added: Mapping[str, NDArray[np.float64]] | None = None,
+        signals: Sequence[str] = (),
+    ) -> Signals:
+        """See Plant.simulate."""
+        added = {self._connectors.get(port, port): x for port, x in (added or {}).items()}
+        with self._simulation(recording.setup, bool(added)) as simulation:
+            try:
+                return run_beside(
+                    simulation, recording, values, onsets=onsets, added=added, record=[*recording.outputs, *signals]
+                )
+            except UnitError as error:
+                raise SimulationError(f"{recording.name}: {error}") from error
+
+    @contextmanager
+    def _simulation(self, setup: str, ports: bool) -> Iterator[Simulation]:
+        """One that no other thread uses. ports: with the additive ones as inputs."""
+        idle = self._idle[setup, ports]
+        try:
+            simulation = idle.get_nowait()
+        except queue.Empty:
+            simulation = Simulation((self.systems if ports else self._bare)[setup])
+            self._all.append(simulation)
+        try:
+            yield simulation
+        finally:
+            idle.put(simulation)
+
+
+def _inputs(systems: Mapping[str, System]) -> Iterator[Port]:
+    """Every set-up's inputs that are 0 while nobody uses them, each once."""
+    known = set()
+    for system in systems.values():
+        for wire in system.connections:
+            name = f"{wire.sink_component}.{wire.sink}"
+            if wire.source_component is not None or wire.sink_component is None or name in known:
+                continue
+            unit = system.component(wire.sink_component).unit
+            if unit.variables[wire.sink].type == "Real" and not float(unit.variables[wire.sink].start or 0.0):
+                known.add(name)
+                yield Port(name, unit.unit_of(wire.sink) or "1", (), connector=wire.source)
+
+
+def _with_ports(system: System) -> System:
+    """The system with its unwired additive inputs as inputs of its own, under `component.variable`."""
+    wired = {(c.sink_component, c.sink) for c in system.connections}
+    inputs, connections = dict(system.inputs), list(system.connections)
+    for component in system.components:
+        for port in _ports(component):
+            variable = port.name.split(".", 1)[1]
+            if (component.name, variable) not in wired:
+                inputs[port.name] = Connector(port.name, "input", unit=port.unit)
+                connections.append(Connection(None, port.name, component.name, variable))
+    return replace(system, inputs=inputs, connections=tuple(connections))
+
+
+def _parameters(component: Component) -> list[Parameter]:
+    unit = component.unit
+    found = []
+    for name, variable in unit.variables.items():
+        if variable.causality == "parameter" and variable.type == "Real":
+            lower, upper = unit.bounds_of(name)
+            nominal = component.parameters.get(name, variable.start)
+            found.append(
+                Parameter(
+                    f"{component.name}.{name}",
+                    float(nominal or 0.0),
+                    unit.unit_of(name) or "1",
+                    -np.inf if lower is None else lower,
+                    np.inf if upper is None else upper,
+                )
+            )
+    return found
+
+
+def _terms(component: Component) -> list[TermCandidate]:
+    return [found for term in component.unit.terms if (found := _term(component, term)) is not None]
+
+
+def _term(component: Component, term: Term) -> TermCandidate | None:
+    """None: it has no amplitude, or the system uses it already."""
+    unit, amplitude = component.unit, term.amplitude
+    if amplitude is None:
+        return None
+    start = component.parameters.get(amplitude, unit.variables[amplitude].start)
+    if float(start or 0.0) != term.neutral:
+        return None
+    lower, upper = unit.bounds_of(amplitude)
+    phases = [shape for shape in term.shapes if shape.scan == "phase"]
+    return TermCandidate(
+        name=f"{component.name}.{term.name}",
+        title=term.title,
+        equation=term.equation,
+        amplitude=f"{component.name}.{amplitude}",
+        neutral=term.neutral,
+        lower=-np.inf if lower is None else lower,
+        upper=np.inf if upper is None else upper,
+        unit=unit.unit_of(amplitude) or "1",
+        shapes=tuple(_shape(component.name, unit, shape) for shape in term.shapes if shape.scan != "phase"),
+        phase=f"{component.name}.{phases[0].name}" if phases else None,
+    )
+
+
+def _shape(component: str, unit: Unit, shape: Shape) -> ScannedShape:
+    lower, upper = unit.bounds_of(shape.name)
+    whole = shape.scan == "order"
+    if whole:
+        values = np.arange(np.ceil(shape.min), np.floor(shape.max) + 1)
+    elif shape.scan == "log":
+        values = np.geomspace(shape.min, shape.max, shape.points)
+    else:
+        values = np.linspace(shape.min, shape.max, shape.points)
+    reach = shape.max - shape.min  # a fit may leave the scanned range, by as much again
+    outer = (shape.min / 30, shape.max * 30) if shape.scan == "log" else (shape.min - reach, shape.max + reach)
+    return ScannedShape(
+        name=f"{component}.{shape.name}",
+        values=tuple(float(v) for v in values),
+        lower=max(outer[0], -np.inf if lower is None else lower),
+        upper=min(outer[1], np.inf if upper is None else upper),
+        unit=unit.unit_of(shape.name) or "1",
+        logarithmic=shape.scan == "log",
+        whole=whole,
+    )
+
+
+def _ports(component: Component) -> list[Port]:
+    """Additive inputs; the signals of a port are the unit's own motion, torque and current."""
+    unit = component.unit
+    own = tuple(
+        f"{component.name}.{name}"
+        for name, variable in unit.variables.items()
+        if variable.causality in ("input", "output")
+        and variable.type == "Real"
+        and unit.unit_of(name) in ("rad", "rad/s", "N.m", "A", "V", "m", "m/s", "N")
+        and not name.endswith(ADDITIVE)
+    )
+    angles = tuple(s for s in own if unit.unit_of(s.split(".", 1)[1]) == "rad")
+    return [
+        Port(f"{component.name}.{name}", unit.unit_of(name) or "1", own, angles)
+        for name, variable in unit.variables.items()
+        if variable.causality == "input" and variable.type == "Real" and name.endswith(ADDITIVE)
+    ]

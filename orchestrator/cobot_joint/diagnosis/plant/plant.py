@@ -1,0 +1,121 @@
+"""What the diagnosis asks of a simulator: parameters, terms to switch on, ports that take an added signal, and runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cobot_joint.diagnosis.data.recording import Recording
+
+Signals = dict[str, NDArray[np.float64]]
+
+
+class SimulationError(RuntimeError):
+    """A run that came to no end: parameters far from anything that works."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """`component.name` as the system has it."""
+
+    name: str
+    nominal: float
+    unit: str
+    lower: float  # what the unit allows, not the tolerance
+    upper: float
+
+
+@dataclass(frozen=True)
+class ScannedShape:
+    """A shape parameter of a term: unidentifiable while the term is off, so these values are tried."""
+
+    name: str
+    values: tuple[float, ...]
+    lower: float
+    upper: float
+    unit: str = "1"
+    logarithmic: bool = False
+    whole: bool = False  # an order: counted, never fitted
+
+
+@dataclass(frozen=True)
+class TermCandidate:
+    """A switched-off term. With a `phase`, amplitude*sin(.. + phase) makes a pair that is linear in its two parts."""
+
+    name: str  # component.term
+    title: str
+    equation: str
+    amplitude: str
+    neutral: float
+    lower: float
+    upper: float
+    unit: str
+    shapes: tuple[ScannedShape, ...] = ()
+    phase: str | None = None
+
+    @property
+    def component(self) -> str:
+        """The unit that has it."""
+        return self.name.split(".")[0]
+
+    @property
+    def episode(self) -> tuple[str, str] | None:
+        """Its beginning t_0 and length T_d, where the term lasts for a while only."""
+        names = {s.name.split(".")[-1]: s.name for s in self.shapes}
+        return (names["t_0"], names["T_d"]) if {"t_0", "T_d"} <= names.keys() else None
+
+
+@dataclass(frozen=True)
+class Port:
+    """An additive input, 0 when unused, and the component's own signals that an effect there may depend on."""
+
+    name: str  # component.variable
+    unit: str
+    signals: tuple[str, ...]
+    angles: tuple[str, ...] = ()  # those of `signals` that are angles of shafts
+    connector: str = ""  # of the system, where it leads there
+
+    @property
+    def component(self) -> str:
+        """The unit that has it."""
+        return self.name.split(".")[0]
+
+
+class Plant(Protocol):
+    """A system under diagnosis."""
+
+    @property
+    def parameters(self) -> Mapping[str, Parameter]: ...
+    @property
+    def terms(self) -> Sequence[TermCandidate]: ...
+    @property
+    def ports(self) -> Sequence[Port]: ...
+    @property
+    def inputs(self) -> Sequence[Port]:
+        """The system's own inputs that are 0 unless used, by where they lead. Not logged, they may have been used."""
+        ...
+
+    def simulate(
+        self,
+        values: Mapping[str, float],
+        recording: Recording,
+        *,
+        onsets: Mapping[str, float] | None = None,
+        added: Mapping[str, NDArray[np.float64]] | None = None,
+        signals: Sequence[str] = (),
+    ) -> Signals:
+        """Outputs of the system (and `signals`, `component.variable`) at the recording's time, each (n,).
+
+        values: parameters other than nominal. onsets: of those, which hold only from a time on (neutral or nominal
+        before). added: port -> (n,).
+        Raises SimulationError.
+        """
+        ...
+
+    def has(self, name: str, recording: Recording) -> bool:
+        """Whether the set-up of that recording has this component (or the component of this parameter or port)."""
+        ...

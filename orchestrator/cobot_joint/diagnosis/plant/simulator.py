@@ -1,0 +1,96 @@
+"""A system beside a recording: the same inputs, at the recording's time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cobot_joint.cosim import Simulation
+from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.errors import UserError, among
+from cobot_joint.system.model import Inputs, System, Value
+
+
+def run_beside(
+    simulation: Simulation,
+    recording: Recording,
+    values: Mapping[str, Value],
+    *,
+    onsets: Mapping[str, float] | None = None,
+    added: Mapping[str, NDArray[np.float64]] | None = None,
+    record: Sequence[str],
+) -> dict[str, NDArray[np.float64]]:
+    """`record` at the recording's time, each (n,), coupled as the system says, else by the default scheme.
+
+    values: `component.variable` -> value over the system's own. onsets: of these, s since the recording's first sample
+    from which they hold. added: further inputs, (n,) each. UserError: a name or value is wrong. SimulationError (of
+    cosim): a unit fails.
+    """
+    onsets = onsets or {}
+    time = recording.time - recording.time[0]  # what fades or warms up does so from the run's beginning
+    events = [(t, {name: values[name]}) for name, t in onsets.items() if name in values]
+    start = {name: value for name, value in values.items() if name not in onsets}
+    start |= {_variable(simulation.system, name): value for name, value in recording.initial.items()}
+    result = simulation.run(
+        Inputs(time, {**recording.inputs, **(added or {})}),
+        float(time[-1]),
+        output_step=recording.step,
+        parameters=start,
+        parameter_events=sorted(events, key=lambda event: event[0]),
+        record=record,
+    )
+    return dict(result.signals)
+
+
+class Simulator:
+    """Systems by set-up with one set of parameters, loaded once. A context manager; call it with a recording.
+
+    values: `component.variable` -> value over the systems' own; those of components that a set-up lacks are passed
+    over. onsets: of these, which hold only from a time on, s.
+    """
+
+    def __init__(
+        self,
+        systems: Mapping[str, System],
+        values: Mapping[str, Value] | None = None,
+        onsets: Mapping[str, float] | None = None,
+    ) -> None:
+        self.systems = dict(systems)
+        self.values = dict(values or {})
+        self.onsets = dict(onsets or {})
+        self._loaded: dict[str, Simulation] = {}
+
+    def __enter__(self) -> Simulator:
+        return self
+
+    def __exit__(
+        self, _type: type[BaseException] | None, _value: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        for simulation in self._loaded.values():
+            simulation.close()
+        self._loaded.clear()
+
+    def __call__(self, recording: Recording) -> Mapping[str, NDArray[np.float64]]:
+        """Outputs at the recording's time. UserError: a connector or parameter is wrong.
+
+        SimulationError: a unit fails.
+        """
+        system = self.systems[recording.setup]
+        if recording.setup not in self._loaded:
+            self._loaded[recording.setup] = Simulation(system)
+        there = {n: v for n, v in self.values.items() if any(n.startswith(f"{c.name}.") for c in system.components)}
+        simulation = self._loaded[recording.setup]
+        return run_beside(simulation, recording, there, onsets=self.onsets, record=list(recording.outputs))
+
+
+def _variable(system: System, name: str) -> str:
+    """`component.variable` behind an output of the system; a name that has a component already stays."""
+    for wire in system.connections:
+        if wire.sink_component is None and wire.sink == name and wire.source_component is not None:
+            return f"{wire.source_component}.{wire.source}"
+    if "." not in name:
+        raise UserError(f"initial {name!r}: {system.name} has no such output, it has {among(system.outputs)}")
+    return name

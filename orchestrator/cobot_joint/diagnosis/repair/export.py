@@ -1,0 +1,226 @@
+"""Repaired units and systems: FMUs that carry their values, corrections on their ports, and the SSP that wires them."""
+
+from __future__ import annotations
+
+import uuid
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from lxml import etree
+
+from cobot_joint import xml
+from cobot_joint.diagnosis.store import write_atomically
+from cobot_joint.errors import UserError
+from cobot_joint.system.model import Component, Connection, System, Value
+from cobot_joint.system.parameters import checked, split
+from cobot_joint.system.write import write_ssp
+from cobot_joint.units import TOOL, Unit, find_fmu, load_unit
+
+START_VALUES = "resources/start_values.txt"  # what units with our glue read at instantiation
+
+
+@dataclass(frozen=True)
+class Correction:
+    """An effect that no list names: the correction unit with these parameters, from the component's signals to its
+    port.
+
+    port and signals: `component.variable`; parameters: of the correction unit. Signals go to u1, u2, ... in this order.
+    """
+
+    name: str
+    port: str
+    signals: tuple[str, ...]
+    parameters: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class PortText:
+    """What a variable of the correction unit is in one system: it has the unit of measure of this unit's variable."""
+
+    unit: Unit
+    variable: str
+    description: str
+
+
+def carries_values(unit: Unit) -> bool:
+    """Does the unit read start values from its resources? Those with our glue say so in their annotations."""
+    root = _description(unit)
+    return root.find(f"VendorAnnotations/Tool[@name='{TOOL}']") is not None
+
+
+def export_unit(
+    unit: Unit,
+    values: Mapping[str, Value],
+    path: Path,
+    *,
+    onsets: Mapping[str, float] | None = None,
+    ports: Mapping[str, PortText] | None = None,
+) -> Path:
+    """The FMU with other start values, in its XML and in its resources, under a GUID that belongs to both.
+
+    onsets: of these values, which hold only from a time on, s. ports: variable -> (unit, description) where the general
+    unit has none of its own. The library inside is the same. UserError: a value that the unit does not take, or a unit
+    that does not read its resources.
+    """
+    if not carries_values(unit):
+        raise UserError(f"{unit.path}: cannot carry start values: only units of {TOOL} read them from their resources")
+    root = _description(unit)
+    lines, late = [], onsets or {}
+    for name, given in values.items():
+        value = checked(unit, name, given, f"{path.name}: {name}")
+        text = repr(float(value)) if unit.variables[name].type == "Real" else str(int(value))
+        lines.append(f"{name} = {text} from {late[name]!r}" if name in late else f"{name} = {text}")
+        if name not in late:
+            _typed(root, name).set("start", text)
+    for name, port in (ports or {}).items():
+        _describe_port(root, name, port)
+    guid = f"{{{uuid.uuid5(uuid.NAMESPACE_OID, root.get('guid', '') + etree.tostring(root).decode() + str(lines))}}}"
+    root.set("guid", guid)
+    description = etree.tostring(root, pretty_print=True, xml_declaration=True, encoding="UTF-8")
+    write_atomically(path, lambda file: _zip(unit, file, description, "\n".join([f"guid = {guid}", *lines, ""])))
+    return path
+
+
+def repaired_system(
+    system: System,
+    values: Mapping[str, Value],
+    folder: Path,
+    *,
+    onsets: Mapping[str, float] | None = None,
+    corrections: tuple[Correction, ...] = (),
+) -> System:
+    """The system over units that carry the values, written to `folder`; corrections wired to their ports.
+
+    values, onsets: `component.variable`; components that the system does not have are passed over, so that one repair
+    serves every set-up. Units that do not read their resources keep their values in the system's parameters.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    own = {c.name for c in system.components}
+    given: dict[str, dict[str, Value]] = {name: dict(system.component(name).parameters) for name in own}
+    late: dict[str, dict[str, float]] = {name: {} for name in own}
+    for name, value in values.items():
+        if name.split(".")[0] in own:
+            component, variable = split(system, name, "repair")
+            given[component.name][variable] = value
+            if onsets and name in onsets:
+                late[component.name][variable] = onsets[name]
+    components = [_repaired(c, given[c.name], late[c.name], folder) for c in system.components]
+    system = replace(system, components=tuple(components), path=None)
+    for correction in corrections:
+        if correction.port.split(".")[0] in own:
+            system = with_correction(system, correction, folder)
+    return system
+
+
+def with_correction(system: System, correction: Correction, folder: Path) -> System:
+    """The system with a correction between the component's signals and its port.
+
+    A port that is wired already gets the correction in between: y = x + correction.
+    """
+    component, port = split(system, correction.port, "correction")
+    general = load_unit(find_fmu("correction.fmu"))
+    ports = {
+        "x": PortText(component.unit, port, f"what else goes to {correction.port}"),
+        "y": PortText(component.unit, port, f"what goes to {correction.port}"),
+    }
+    wires = []
+    for k, signal in enumerate(correction.signals, 1):
+        source, variable = split(system, signal, "correction")
+        ports[f"u{k}"] = PortText(source.unit, variable, signal)
+        wires += _wire(system, source, variable, correction.name, f"u{k}")
+    path = folder / f"{correction.name}.fmu"
+    export_unit(general, dict(correction.parameters), path, ports=ports)
+    kept = []
+    for wire in system.connections:
+        if (wire.sink_component, wire.sink) == (component.name, port):
+            wires.append(replace(wire, sink_component=correction.name, sink="x"))
+        else:
+            kept.append(wire)
+    wires.append(Connection(correction.name, "y", component.name, port))
+    # behind the component whose state it reads: what it adds acts in the next step
+    order = list(system.components)
+    order.insert(order.index(component) + 1, Component(correction.name, path.name, load_unit(path)))
+    return replace(system, components=tuple(order), connections=(*kept, *wires))
+
+
+def _wire(system: System, component: Component, variable: str, sink_component: str, sink: str) -> list[Connection]:
+    """From an output of the component; from what feeds it, if it is an input; none, if nothing does: it stays at 0."""
+    if component.unit.variables[variable].causality == "output":
+        return [Connection(component.name, variable, sink_component, sink)]
+    return [
+        replace(wire, sink_component=sink_component, sink=sink)
+        for wire in system.connections
+        if (wire.sink_component, wire.sink) == (component.name, variable)
+    ]
+
+
+def write_repair(
+    systems: Mapping[str, System],
+    values: Mapping[str, Value],
+    out: Path,
+    *,
+    onsets: Mapping[str, float] | None = None,
+    corrections: tuple[Correction, ...] = (),
+) -> dict[str, Path]:
+    """Set-up -> its SSP: the first is OUT/repaired.ssp, others OUT/repaired_<setup>.ssp; their FMUs are in OUT/fmus."""
+    written: dict[str, Path] = {}
+    for setup, system in systems.items():
+        repaired = repaired_system(system, values, out / "fmus", onsets=onsets, corrections=corrections)
+        path = out / ("repaired.ssp" if not written else f"repaired_{setup}.ssp")
+        written[setup] = write_ssp(repaired, path)
+    return written
+
+
+def _repaired(component: Component, values: Mapping[str, Value], late: Mapping[str, float], folder: Path) -> Component:
+    path = folder / component.unit.path.name
+    if not values or not carries_values(component.unit):
+        write_atomically(path, lambda file: file.write_bytes(component.unit.path.read_bytes()))
+        return replace(component, unit=load_unit(path), parameters=values)
+    export_unit(component.unit, values, path, onsets=late)
+    return replace(component, unit=load_unit(path), parameters={})
+
+
+def _description(unit: Unit) -> etree._Element:
+    return xml.parse((unit.directory / "modelDescription.xml").read_bytes(), f"{unit.path}: modelDescription.xml")
+
+
+def _typed(root: etree._Element, name: str) -> etree._Element:
+    """<Real>, <Integer>, ... of a variable"""
+    for variable in root.iterfind("ModelVariables/ScalarVariable"):
+        if variable.get("name") == name:
+            return next(child for child in variable if etree.QName(child).localname != "Annotations")
+    raise KeyError(name)
+
+
+def _describe_port(root: etree._Element, name: str, text: PortText) -> None:
+    typed = _typed(root, name)
+    typed.getparent().set("description", text.description)
+    typed.attrib.pop("unit", None)
+    measure = text.unit.unit_of(text.variable)
+    if not measure:
+        return
+    typed.set("unit", measure)
+    definitions = root.find("UnitDefinitions")
+    if not any(unit.get("name") == measure for unit in definitions):
+        theirs = _description(text.unit).find(f"UnitDefinitions/Unit[@name='{measure}']")
+        definitions.append(theirs)
+
+
+def _zip(unit: Unit, file: Path, description: bytes, start_values: str) -> None:
+    """Same content, same bytes: files in order, no dates."""
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(_entry("modelDescription.xml"), description)
+        archive.writestr(_entry(START_VALUES), start_values)
+        for source in sorted(p for p in unit.directory.rglob("*") if p.is_file()):
+            name = source.relative_to(unit.directory).as_posix()
+            if name not in ("modelDescription.xml", START_VALUES):
+                archive.writestr(_entry(name), source.read_bytes())
+
+
+def _entry(name: str) -> zipfile.ZipInfo:
+    entry = zipfile.ZipInfo(name)
+    entry.compress_type = zipfile.ZIP_DEFLATED
+    entry.external_attr = 0o644 << 16
+    return entry

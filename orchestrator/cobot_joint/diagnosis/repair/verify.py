@@ -1,0 +1,110 @@
+"""A diagnosis on recordings that it has not seen: nominal, calibrated and repaired beside the held-out runs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import joblib
+import numpy as np
+import pyarrow.parquet
+from numpy.typing import NDArray
+
+from cobot_joint.diagnosis.data.campaign import Campaign
+from cobot_joint.diagnosis.data.conditioning import condition
+from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.evaluation.score import read_object
+from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
+from cobot_joint.diagnosis.plant.simulator import Simulator
+from cobot_joint.diagnosis.repair.compare import Comparison, channel_figures, compare, table
+from cobot_joint.diagnosis.repair.compare import Simulator as Simulate
+from cobot_joint.diagnosis.repair.repair import repair
+from cobot_joint.diagnosis.store import plain, write_atomically
+from cobot_joint.errors import UserError
+from cobot_joint.system.model import System
+from cobot_joint.system.read import load_system
+
+Courses = Mapping[str, Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]]  # recording -> port -> (t, value)
+DISCREPANCY = "discrepancy.joblib"  # of a baseline that corrects outputs instead of the system
+
+
+def verify(folder: Path, campaign: Campaign) -> dict[str, Any]:
+    """Simulate every held-out recording with the systems of a diagnosis; write verify.json and verify.parquet to its
+    folder.
+
+    folder: what `diagnose` wrote. Returns the content of verify.json. UserError: no diagnosis there, or nothing held
+    out.
+    """
+    diagnosis = read_diagnosis(folder)
+    if not campaign.holdout:
+        raise UserError(f'{campaign.path}: no recording has role = "holdout", one at least is needed to verify')
+    if not (folder / "repaired.ssp").is_file():  # of a proof, only the description is kept
+        repair(diagnosis, {setup: load_system(path) for setup, path in campaign.setups.items()}, folder)
+    calibrated = {name: estimate["value"] for name, estimate in diagnosis["calibrated"].items()}
+    compared = compare_systems(campaign, campaign.holdout, folder, calibrated)
+    quality = condition(campaign)
+    figures = channel_figures(compared)
+    noise = {name: (diagnosis["channels"].get(name) or {}).get("noise") or quality[name].noise for name in figures}
+    content = {"channels": {name: {"noise": noise[name], **values} for name, values in figures.items()}}
+    write_atomically(folder / "verify.parquet", lambda file: pyarrow.parquet.write_table(table(compared), file))
+    write_json(folder / "verify.json", content)
+    return content
+
+
+def read_diagnosis(folder: Path) -> dict[str, Any]:
+    """diagnosis.json. UserError: there is none, or none that can be read."""
+    diagnosis, why = read_object(folder / "diagnosis.json")
+    if diagnosis is None or not {"verdict", "findings", "calibrated", "repaired", "channels"} <= set(diagnosis):
+        raise UserError(f"{folder / 'diagnosis.json'}: {why or 'not a diagnosis'}; run cobot-joint diagnose first")
+    return diagnosis
+
+
+def compare_systems(
+    campaign: Campaign,
+    recordings: Sequence[Recording],
+    folder: Path,
+    calibrated: Mapping[str, float],
+    courses: Courses | None = None,
+) -> list[Comparison]:
+    """Recordings beside the system as specified, as re-fitted, and as repaired: the last are the SSP files of the
+    folder, in the recordings of `courses` with what acted on the machine then.
+    """
+    nominal = {setup: load_system(path) for setup, path in campaign.setups.items()}
+    with ExitStack() as stack:
+        simulators: dict[str, Simulate] = {
+            "nominal": stack.enter_context(Simulator(nominal)),
+            "calibrated": stack.enter_context(Simulator(nominal, calibrated)),
+            "repaired": acted_on(stack.enter_context(FmuPlant(repaired_systems(campaign, folder))), courses or {}),
+        }
+        if (folder / DISCREPANCY).is_file():
+            simulators["repaired"] = joblib.load(folder / DISCREPANCY).around(simulators["repaired"])
+        return compare(recordings, simulators)
+
+
+def acted_on(plant: FmuPlant, courses: Courses) -> Simulate:
+    """The systems with what acted on them in some of the recordings."""
+
+    def simulate(recording: Recording) -> Mapping[str, NDArray[np.float64]]:
+        time = recording.time - recording.time[0]
+        added = {port: np.interp(time, t, value) for port, (t, value) in courses.get(recording.name, {}).items()}
+        return plant.simulate({}, recording, added=added)
+
+    return simulate
+
+
+def repaired_systems(campaign: Campaign, folder: Path) -> dict[str, System]:
+    """Set-up -> repaired system, as `export.write_repair` named them. UserError: one is missing."""
+    first = next(iter(campaign.setups))
+    return {
+        setup: load_system(folder / ("repaired.ssp" if setup == first else f"repaired_{setup}.ssp"))
+        for setup in campaign.setups
+    }
+
+
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Plain JSON, whole or not at all."""
+    text = json.dumps(plain(content), indent=1, allow_nan=False) + "\n"
+    write_atomically(path, lambda file: file.write_text(text, encoding="utf-8"))

@@ -1,0 +1,226 @@
+"""report.html: one self-contained file that says what was found, where, how sure that is, and how much better the
+repaired system fits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+
+from cobot_joint.diagnosis.data.conditioning import ChannelQuality
+from cobot_joint.diagnosis.repair.compare import Comparison
+from cobot_joint.diagnosis.report import pictures
+from cobot_joint.diagnosis.report.localization_pictures import located_pictures
+from cobot_joint.diagnosis.store import write_atomically
+
+
+@dataclass(frozen=True)
+class TermText:
+    """What a unit's annotation says of a term."""
+
+    title: str
+    equation: str = ""
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class ReportData:
+    """Everything that the report shows. diagnosis: as diagnosis.json."""
+
+    title: str
+    diagnosis: Mapping[str, Any]
+    compared: Sequence[Comparison]
+    quality: Mapping[str, ChannelQuality]
+    units: Mapping[str, str]  # channel -> unit
+    nominal: Mapping[str, float] = field(default_factory=dict)  # parameter -> value as specified
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # parameter -> tolerance
+    terms: Mapping[str, TermText] = field(default_factory=dict)  # component.term -> its texts
+    tried: Sequence[tuple[str, float]] = ()  # term, chi-square that it alone would take away; the best first
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+
+def write_report(path: Path, data: ReportData) -> None:
+    """Write the report, whole or not at all."""
+    text = render(data)
+    write_atomically(path, lambda file: file.write_text(text, encoding="utf-8"))
+
+
+def render(data: ReportData) -> str:
+    """The report as HTML; pictures and their script are inside."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("cobot_joint.diagnosis.report", "."),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    environment.filters |= {"number": number, "percent": percent}
+    d = data.diagnosis
+    return environment.get_template("report.html.jinja").render(
+        title=data.title,
+        verdict=verdict_sentence(d, data.terms),
+        verdict_kind=d["verdict"],
+        findings=[_finding(f, data.terms) for f in d["findings"]],
+        channels=_channels(d, data.units),
+        has_holdout=any("holdout" in c for c in d["channels"].values()),
+        improvement=improvement(d),
+        calibrated=_parameters(d, data),
+        tried=[(term, _title(term, data.terms), gain) for term, gain in data.tried],
+        next_experiment=d.get("next_experiment"),
+        where=_where(d, data.compared),
+        pictures=pictures.all_pictures(data.compared, d, data.quality, data.units),
+        script=pictures.script(),
+        recordings=[_recording(c) for c in data.compared],
+        quality=[(name, data.units.get(name, ""), q) for name, q in data.quality.items()],
+        provenance=data.provenance,
+    )
+
+
+def verdict_sentence(d: Mapping[str, Any], terms: Mapping[str, TermText]) -> str:
+    """The answer in one sentence."""
+    findings = d["findings"]
+    if d["verdict"] == "nothing_missing":
+        return "Nothing is missing: inside its tolerances the system explains these recordings down to the noise."
+    if not findings:
+        return "The recordings differ from the system by more than noise and tolerances, and no explanation stands out."
+    named = [f for f in findings if not f["term"].endswith(".unlisted")]
+    parts = [f"{_title(f['term'], terms)} in {f['component']} ({percent(f.get('confidence'))} sure)" for f in named]
+    others = [
+        f"something that no listed term explains, at {f['component']} ({percent(f.get('confidence'))} sure)"
+        for f in findings
+        if f not in named
+    ]
+    better = improvement(d)
+    tail = (
+        "" if better is None else f"; modelling it removes {percent(better[0])} of the error above the noise{better[1]}"
+    )
+    return f"The system leaves out {' and '.join(parts + others)}{tail}."
+
+
+def improvement(d: Mapping[str, Any]) -> tuple[float, str] | None:
+    """Share of the squared error above noise that the repair removes from the calibrated system, and on which runs;
+    None: nothing to remove.
+    """
+    for role, words in (("holdout", ", in runs that it has not seen"), ("train", "")):
+        before = after = 0.0
+        for c in d["channels"].values():
+            if role in c and c["noise"]:
+                before += max(0.0, (c[role]["calibrated"] / c["noise"]) ** 2 - 1)
+                after += max(0.0, (c[role]["repaired"] / c["noise"]) ** 2 - 1)
+        if before > 0.05:
+            return 1 - after / before, words
+    return None
+
+
+def number(x: float | None, digits: int = 3) -> str:
+    """Short, with the digits that matter."""
+    if x is None:
+        return "–"
+    text = f"{x:.{digits}g}"
+    if "e" in text:
+        mantissa, exponent = text.split("e")
+        return f"{mantissa}·10{str(int(exponent)).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
+    return text.replace("-", "−")
+
+
+def percent(x: float | None) -> str:
+    """0.98 -> 98 %; never 100 % for less than all."""
+    if x is None:
+        return "–"
+    return f"{100 * x:.0f} %" if x <= 0.99 or x >= 1 else f"{100 * min(x, 0.999):.1f} %"
+
+
+def _title(term: str, terms: Mapping[str, TermText]) -> str:
+    """A term's title without what follows its colon."""
+    return terms[term].title.split(":")[0] if term in terms else _words(term.split(".", 1)[-1])
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _finding(f: Mapping[str, Any], terms: Mapping[str, TermText]) -> dict[str, Any]:
+    text = terms.get(f["term"], TermText(_title(f["term"], terms)))
+    where = f.get("where") or {}
+    shown = [f["words"]] if f.get("words") else [str(where[k]) for k in ("recording", "regime") if where.get(k)]
+    return {
+        "term": f["term"],
+        "title": "something that no listed term explains" if f["term"].endswith(".unlisted") else text.title,
+        "component": f["component"],
+        "equation": text.equation,
+        "source": text.source,
+        "confidence": f.get("confidence"),
+        "onset": f.get("onset"),
+        "at_times": bool(f.get("course")),
+        "where": shown,
+        "parameters": f.get("parameters") or {},
+        "equivalent": [(term, _title(term, terms)) for term in f.get("equivalent") or []],
+        "shape": _shape(f.get("shape")) or _course(f.get("course")),
+    }
+
+
+def _where(d: Mapping[str, Any], compared: Sequence[Comparison]) -> list[dict[str, Any]]:
+    """Headings, sentences and pictures of where the difference lies; empty where that was not asked."""
+    located = d.get("located")
+    if not located:
+        return []
+    noise = {name: c["noise"] for name, c in d["channels"].items()}
+    drawn = located_pictures(located, compared, noise)
+    headings = {"components": "By component", "isolability": "", "regimes": "By regime", "time": "By time"}
+    return [
+        {"heading": heading, "words": located["words"][key], "pictures": drawn[key]}
+        for key, heading in headings.items()
+    ]
+
+
+def _shape(shape: Mapping[str, Any] | None) -> str | None:
+    """An unlisted effect's form in words."""
+    if not shape:
+        return None
+    form = f"{shape['port']} = {shape['formula']}" if shape.get("formula") else f"a table at {shape['port']}"
+    on = f", of {', '.join(shape['signals'])}" if shape.get("signals") else ""
+    return f"{form}{on}; takes away {percent(min(shape.get('explains') or 0.0, 1.0))} of the structure"
+
+
+def _course(course: Mapping[str, Any] | None) -> str | None:
+    """What acted while recordings were made, in words: when, how much."""
+    if not course:
+        return None
+    said = []
+    for name, c in course["recordings"].items():
+        t, value = np.array(c["t"]), np.array(c["value"])
+        inner = np.split(np.arange(len(t)), np.flatnonzero((value[:-1] == 0) & (value[1:] == 0)) + 1)
+        times = [f"{t[k[0]]:.2f} to {t[k[-1]]:.2f} s {value[k][np.argmax(np.abs(value[k]))]:.3g}" for k in inner]
+        said.append(f"in {name} from {', '.join(times)} {course['unit']}")
+    return f"at {course['port']}: {'; '.join(said)}"
+
+
+def _channels(d: Mapping[str, Any], units: Mapping[str, str]) -> list[dict[str, Any]]:
+    return [{"name": name, "unit": units.get(name, ""), **c} for name, c in d["channels"].items()]
+
+
+def _parameters(d: Mapping[str, Any], data: ReportData) -> list[dict[str, Any]]:
+    """Calibrated parameters, and where in the tolerance each lies: 0 at its lower, 1 at its upper bound."""
+    rows = []
+    for name, p in d["calibrated"].items():
+        lower, upper = data.bounds.get(name, (None, None))
+        inside = None if lower is None or upper is None or upper <= lower else (p["value"] - lower) / (upper - lower)
+        rows.append(
+            {"name": name, "nominal": data.nominal.get(name), "lower": lower, "upper": upper, "inside": inside, **p}
+        )
+    return rows
+
+
+def _recording(c: Comparison) -> dict[str, Any]:
+    r = c.recording
+    return {
+        "name": r.name,
+        "role": r.role,
+        "setup": r.setup,
+        "seconds": float(r.time[-1] - r.time[0]),
+        "step": r.step,
+        "notes": r.notes,
+    }

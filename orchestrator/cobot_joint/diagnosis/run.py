@@ -1,0 +1,151 @@
+"""From a campaign to the files of its diagnosis: diagnosis.json, report.html, repaired.ssp, fmus/."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import joblib
+
+import cobot_joint
+from cobot_joint.diagnosis.data.campaign import Campaign
+from cobot_joint.diagnosis.data.conditioning import ChannelQuality, condition
+from cobot_joint.diagnosis.findings import Diagnosis
+from cobot_joint.diagnosis.repair.compare import Comparison, channel_figures
+from cobot_joint.diagnosis.repair.repair import repair
+from cobot_joint.diagnosis.repair.verify import DISCREPANCY, compare_systems, write_json
+from cobot_joint.diagnosis.report.report import ReportData, TermText, verdict_sentence, write_report
+from cobot_joint.diagnosis.store import Store, write_atomically
+from cobot_joint.errors import UserError, among
+from cobot_joint.system.model import System
+from cobot_joint.system.read import load_system
+
+TRIED = 8  # candidates that a report lists
+Progress = Callable[[str], None]  # what is being done, in words
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a diagnosis left behind."""
+
+    sentence: str
+    diagnosis: dict[str, Any]  # as diagnosis.json
+    units: dict[str, str]
+    files: list[Path]
+
+
+def diagnose_campaign(
+    campaign: Campaign, out: Path, *, baseline: str | None = None, progress: Progress | None = None
+) -> Outcome:
+    """Diagnose, repair, compare, report. diagnosis.json is written last: where it is, everything is.
+
+    Stages that an earlier, interrupted call finished are taken from OUT/.work.
+    """
+    say = progress or (lambda words: None)
+    systems = {setup: load_system(path) for setup, path in campaign.setups.items()}
+    store = Store(out / ".work", basis(campaign, systems))
+    diagnosis = engine(baseline)(campaign, progress=progress, store=store)
+    say("repairing")
+    repair(diagnosis.to_json(), systems, out)
+    say("comparing")
+    quality = condition(campaign)
+    if discrepancy := getattr(diagnosis, "discrepancy", None):
+        write_atomically(out / DISCREPANCY, lambda file: joblib.dump(discrepancy, file))
+    calibrated, courses = diagnosis.parameters("calibrated"), diagnosis.courses()
+    compared = compare_systems(campaign, campaign.recordings, out, calibrated, courses)
+    diagnosis.channels = channels(compared, quality)
+    content = diagnosis.to_json()
+    say("reporting")
+    texts = term_texts(systems)
+    nominal = nominal_values(systems, [*diagnosis.calibrated, *campaign.tolerances])
+    data = ReportData(
+        title=campaign.title,
+        diagnosis=content,
+        compared=compared,
+        quality=quality,
+        units=units_of(campaign),
+        nominal=nominal,
+        bounds={name: t.bounds(nominal[name]) for name, t in campaign.tolerances.items() if name in nominal},
+        terms=texts,
+        tried=[(c.term, c.gain) for c in (diagnosis.ranking[0] if diagnosis.ranking else [])][:TRIED],
+        provenance=provenance(campaign, systems, baseline),
+    )
+    write_report(out / "report.html", data)
+    write_json(out / "diagnosis.json", content | {"provenance": dict(data.provenance)})
+    store.clear()
+    files = [out / name for name in ("diagnosis.json", "report.html", "repaired.ssp", "fmus")]
+    return Outcome(verdict_sentence(content, texts), content, units_of(campaign), files)
+
+
+def engine(baseline: str | None) -> Callable[..., Diagnosis]:
+    """The diagnosis, or what it is held against. UserError: no such baseline."""
+    if baseline is None:
+        from cobot_joint.diagnosis.engine import diagnose
+
+        return diagnose
+    from cobot_joint.diagnosis.evaluation.baselines import BASELINES
+
+    if baseline not in BASELINES:
+        raise UserError(f"--baseline {baseline!r} is given, {among(BASELINES)} is allowed")
+    return BASELINES[baseline]
+
+
+def basis(campaign: Campaign, systems: Mapping[str, System]) -> dict[str, Any]:
+    """What every kept result depends on. Held-out runs are not among it: they are never fitted."""
+    return {
+        "version": cobot_joint.__version__,
+        "units": {c.name: (c.unit.directory.name, dict(c.parameters)) for c in components(systems)},
+        "recordings": [(r.name, r.setup, r.time, r.inputs, r.outputs, r.initial) for r in campaign.train],
+        "tolerances": campaign.tolerances,
+    }
+
+
+def channels(compared: Sequence[Comparison], quality: Mapping[str, ChannelQuality]) -> dict[str, dict[str, Any]]:
+    """diagnosis.json's `channels`; without holdout recordings no `holdout`."""
+    content: dict[str, dict[str, Any]] = {name: {"noise": q.noise} for name, q in quality.items()}
+    for role in ("train", "holdout"):
+        for name, figures in channel_figures([c for c in compared if c.recording.role == role]).items():
+            content[name][role] = figures
+    return content
+
+
+def components(systems: Mapping[str, System]) -> list[Any]:
+    """Of all set-ups, each once."""
+    return list({c.name: c for system in systems.values() for c in system.components}.values())
+
+
+def term_texts(systems: Mapping[str, System]) -> dict[str, TermText]:
+    """`component.term` -> what its unit says of it"""
+    return {
+        f"{component.name}.{term.name}": TermText(term.title, term.equation, term.source)
+        for component in components(systems)
+        for term in component.unit.terms
+    }
+
+
+def nominal_values(systems: Mapping[str, System], names: Sequence[str]) -> dict[str, float]:
+    """`component.variable` -> value as the system has it."""
+    values = {}
+    for component in components(systems):
+        for name in names:
+            variable = name.removeprefix(f"{component.name}.")
+            if variable != name and variable in component.unit.variables:
+                start = component.parameters.get(variable, component.unit.variables[variable].start)
+                values[name] = float(start)
+    return values
+
+
+def units_of(campaign: Campaign) -> dict[str, str]:
+    """Channel -> unit"""
+    return {name: unit for recording in campaign.recordings for name, unit in recording.units.items()}
+
+
+def provenance(campaign: Campaign, systems: Mapping[str, System], baseline: str | None) -> dict[str, str]:
+    """Where an answer comes from; nothing of the machine."""
+    return {
+        "tool": f"cobot-joint {cobot_joint.__version__}" + (f", baseline {baseline}" if baseline else ""),
+        "campaign": f"{campaign.title}: {', '.join(r.name for r in campaign.recordings)}",
+        "units": ", ".join(f"{c.name} {c.unit.description.guid}" for c in components(systems)),
+    }

@@ -1,0 +1,1 @@
+"""Which of the proposed effects stay, and how sure that is."""

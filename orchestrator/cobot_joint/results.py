@@ -1,0 +1,141 @@
+"""Signals as Parquet: `name [unit]` headers, provenance in the file, written in pieces so that memory stays flat."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import platform
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+import cobot_joint
+from cobot_joint.system.model import System
+
+ROWS_PER_GROUP = 20_000  # at least, in each row group but the last
+METADATA = "cobot-joint"  # key of the provenance, JSON, in the Parquet file's metadata
+
+
+def header(name: str, unit: str | None) -> str:
+    """`w_motor [rad/s]`; a signal without unit is `name [1]`."""
+    return f"{name} [{unit or '1'}]"
+
+
+def columns_of(system: System) -> dict[str, str | None]:
+    """Signal -> unit as a run of the system writes them: time, inputs, outputs."""
+    return {"time": "s"} | {c.name: c.unit for c in [*system.inputs.values(), *system.outputs.values()]}
+
+
+def provenance(system: System | None, **more: Any) -> dict[str, Any]:
+    """Where figures come from: versions, the FMUs and every parameter that was set, and what else the caller knows.
+
+    `system` of None: a formula, no units.
+    """
+    components = system.components if system else ()
+    return {
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "versions": {
+            "cobot-joint": cobot_joint.__version__,
+            "python": platform.python_version(),
+            **{name: version(name) for name in ("fmpy", "numpy", "pyarrow")},
+        },
+        "system": system.name if system else None,
+        "fmus": {
+            c.name: {"file": c.unit.path.name, "guid": c.unit.description.guid, "version": c.unit.description.version}
+            for c in components
+        },
+        "parameters": {f"{c.name}.{name}": value for c in components for name, value in c.parameters.items()},
+        **more,
+    }
+
+
+class SignalsWriter:
+    """Writes rows to a Parquet file as they come; the file appears under its name when all are there, or not at all.
+
+    `columns`: signal -> unit, in the file's order. As a context manager; on an exception nothing is left behind.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        columns: Mapping[str, str | None],
+        provenance: Mapping[str, Any],
+        rows_per_group: int = ROWS_PER_GROUP,
+    ):
+        self.path, self.partial = path, path.with_name(f".{path.name}.{os.getpid()}.partial")
+        self.columns = dict(columns)
+        self.provenance = dict(provenance)
+        fields = [pa.field(header(name, unit), pa.float64()) for name, unit in columns.items()]
+        self.schema = pa.schema(fields)
+        self.rows_per_group = rows_per_group
+        self._waiting: list[pa.Table] = []
+        self._files = ExitStack()
+
+    def __enter__(self) -> SignalsWriter:
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        self._writer = self._files.enter_context(
+            pq.ParquetWriter(self.partial, self.schema, compression="zstd", use_dictionary=False)
+        )
+        return self
+
+    def write(self, signals: Mapping[str, NDArray[np.float64]]) -> None:
+        """The next rows; signal -> float64[n]. Signals that are not given are 0."""
+        if unknown := set(signals) - set(self.columns):
+            raise KeyError(f"{self.path}: no column for {', '.join(sorted(unknown))}")
+        n = len(next(iter(signals.values())))
+        arrays = [pa.array(np.asarray(signals.get(name, np.zeros(n)), dtype=np.float64)) for name in self.columns]
+        self._waiting.append(pa.Table.from_arrays(arrays, schema=self.schema))
+        if sum(len(table) for table in self._waiting) >= self.rows_per_group:
+            self._flush()
+
+    def _flush(self) -> None:
+        if self._waiting:
+            self._writer.write_table(pa.concat_tables(self._waiting))
+            self._waiting.clear()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None:
+                self._flush()
+                self._writer.add_key_value_metadata({METADATA: json.dumps(self.provenance)})
+            self._files.close()
+            if kind is None:
+                self.partial.replace(self.path)
+        finally:
+            self.partial.unlink(missing_ok=True)
+
+
+def read_provenance(path: Path) -> dict[str, Any]:
+    """What `SignalsWriter` wrote into a file's metadata."""
+    found: dict[str, Any] = json.loads((pq.read_metadata(path).metadata or {})[METADATA.encode()])
+    return found
+
+
+def write_text(path: Path, text: str) -> Path:
+    """A whole file or none."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    partial.write_text(text, encoding="utf-8")
+    return partial.replace(path)
+
+
+def write_csv(path: Path, headers: Sequence[str], rows: Sequence[Sequence[object]]) -> Path:
+    """A table for people and spreadsheets; numbers with nine digits."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(headers)
+    table.writerows([f"{v:.9g}" if isinstance(v, float) else v for v in row] for row in rows)
+    return write_text(path, text.getvalue())

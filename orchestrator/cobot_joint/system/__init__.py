@@ -1,0 +1,27 @@
+"""Systems of units: SSP 1.0 in and out, wiring checks, unit conversion, initial values."""
+
+from cobot_joint.system.initial import initial_order
+from cobot_joint.system.model import Component, Connection, Connector, Experiment, Inputs, Result, System
+from cobot_joint.system.parameters import with_parameters
+from cobot_joint.system.read import find_system, load_system
+from cobot_joint.system.wiring import Wiring, check
+from cobot_joint.system.write import write_ssd, write_ssp, write_ssv
+
+__all__ = [
+    "Component",
+    "Connection",
+    "Connector",
+    "Experiment",
+    "Inputs",
+    "Result",
+    "System",
+    "Wiring",
+    "check",
+    "find_system",
+    "initial_order",
+    "load_system",
+    "with_parameters",
+    "write_ssd",
+    "write_ssp",
+    "write_ssv",
+]

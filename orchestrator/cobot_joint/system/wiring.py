@@ -1,0 +1,165 @@
+"""Wires: do both ends exist, do kinds, types and units fit, has every sink one source; conversion between units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from fmpy.model_description import BaseUnit
+
+from cobot_joint.errors import UserError, among
+from cobot_joint.system.model import Component, Connection, Connector, System, Type
+from cobot_joint.units import Unit
+
+EXPONENTS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """One end of a wire, as both FMUs and systems offer it."""
+
+    component: str | None
+    name: str
+    type: Type | None
+    is_source: bool
+    unit: str | None
+    base: BaseUnit | None
+    relative: bool = False
+
+    def __str__(self) -> str:
+        return self.name if self.component is None else f"{self.component}.{self.name}"
+
+
+class Wiring:
+    """The ends that a system's components and its own connectors offer, to be connected."""
+
+    def __init__(
+        self,
+        components: Sequence[Component],
+        connectors: Iterable[Connector] = (),
+        units: Mapping[str, BaseUnit] | None = None,
+        where: str = "system",
+    ):
+        self.where = where
+        self.components = {c.name: c for c in components}
+        self.connectors = {c.name: c for c in connectors}
+        self.units = units or {}
+
+    def connect(
+        self,
+        start: tuple[str | None, str],
+        end: tuple[str | None, str],
+        factor: float = 1.0,
+        offset: float = 0.0,
+        convert: bool = True,
+    ) -> Connection:
+        """The wire between two ends (component or None for the system, name), in whichever direction their kinds say.
+
+        sink = factor*(source in the sink's unit) + offset; `convert=False` leaves the units alone.
+        UserError: an end is missing, both are sources or both sinks, types differ, units do not convert.
+        """
+        a, b = self.endpoint(*start), self.endpoint(*end)
+        if a.is_source == b.is_source:
+            kind = "give" if a.is_source else "take"
+            raise UserError(f"{self.where}: {a} and {b} are connected, but both {kind} a value: one output, one input")
+        source, sink = (a, b) if a.is_source else (b, a)
+        if source.type and sink.type and source.type != sink.type:
+            raise UserError(f"{self.where}: {source} ({source.type}) is connected to {sink} ({sink.type}): one type")
+        scale, shift = conversion(source, sink, self.where) if convert else (1.0, 0.0)
+        return Connection(
+            source.component, source.name, sink.component, sink.name, factor * scale, factor * shift + offset
+        )
+
+    def endpoint(self, component: str | None, name: str) -> Endpoint:
+        """The end of that name. UserError: no such component or connector, or it is no input or output."""
+        if component is None:
+            if name not in self.connectors:
+                raise UserError(f"{self.where}: the system has no connector {name!r}, it has {among(self.connectors)}")
+            own = self.connectors[name]
+            # seen from inside, a system's input gives and its output takes
+            return Endpoint(None, name, own.type, own.causality == "input", own.unit, self.units.get(own.unit or ""))
+        if component not in self.components:
+            raise UserError(f"{self.where}: there is no component {component!r}, there are {among(self.components)}")
+        return unit_endpoint(component, self.components[component].unit, name, self.where)
+
+
+def unit_endpoint(component: str, unit: Unit, name: str, where: str) -> Endpoint:
+    """The end that a variable of a unit is."""
+    variable = unit.variables.get(name)
+    if variable is None or variable.causality not in ("input", "output"):
+        ports = [v.name for v in unit.variables.values() if v.causality in ("input", "output")]
+        what = "no variable" if variable is None else f"a {variable.causality}"
+        raise UserError(
+            f"{where}: {component}.{name} is {what} of {unit.path.name}; inputs and outputs: {among(ports)}"
+        )
+    named = unit.unit_of(name)
+    base = unit.units.get(named or "")
+    return Endpoint(
+        component, name, port_type(variable.type), variable.causality == "output", named, base,
+        bool(variable.relativeQuantity),
+    )  # fmt: skip
+
+
+def port_type(fmi_type: str) -> Type | None:
+    """Real, Integer (Enumerations travel as such) or Boolean; None: what no wire of ours carries."""
+    return {"Real": "Real", "Integer": "Integer", "Enumeration": "Integer", "Boolean": "Boolean"}.get(fmi_type)  # type: ignore[return-value]
+
+
+def conversion(source: Endpoint, sink: Endpoint, where: str) -> tuple[float, float]:
+    """(factor, offset) that carry a value from the source's unit into the sink's. UserError: they do not convert.
+
+    FMI 2.0, 2.2.2: base = factor*value + offset. An end without unit takes any.
+    """
+    if source.unit is None or sink.unit is None:
+        return 1.0, 0.0
+    if source.base is None or sink.base is None:
+        if source.unit == sink.unit:
+            return 1.0, 0.0
+        unknown = source if source.base is None else sink
+        raise UserError(
+            f"{where}: {source} [{source.unit}] is connected to {sink} [{sink.unit}], "
+            f"but [{unknown.unit}] is given no BaseUnit, so it cannot be converted"
+        )
+    a, b = source.base, sink.base
+    if any(getattr(a, e) != getattr(b, e) for e in EXPONENTS):
+        raise UserError(
+            f"{where}: {source} [{source.unit}] is connected to {sink} [{sink.unit}]: "
+            f"{spell(a)} does not convert to {spell(b)}"
+        )
+    factor = a.factor / b.factor
+    relative = source.relative or sink.relative
+    return factor, 0.0 if relative else (a.offset - b.offset) / b.factor
+
+
+def spell(base: BaseUnit) -> str:
+    """`kg.m2.s-2`"""
+    powers = {e: getattr(base, e) for e in EXPONENTS}
+    return ".".join(f"{e}{p if p != 1 else ''}" for e, p in powers.items() if p) or "1"
+
+
+def check(system: System) -> None:
+    """Every wire has two ends that exist and fit, and every sink one source. UserError: the first that does not.
+
+    Units were settled when the wires were made (`Wiring.connect`).
+    """
+    where = str(system.path or system.name)
+    names = [c.name for c in system.components]
+    if doubled := {name for name in names if names.count(name) > 1}:
+        raise UserError(f"{where}: component {among(sorted(doubled))} is there twice, names have to differ")
+    if both := set(system.inputs) & set(system.outputs):
+        raise UserError(f"{where}: connector {among(sorted(both))} is input and output, names have to differ")
+    wiring = Wiring(system.components, [*system.inputs.values(), *system.outputs.values()], where=where)
+    feeding: dict[tuple[str | None, str], Connection] = {}
+    for connection in system.connections:
+        wiring.connect(
+            (connection.source_component, connection.source), (connection.sink_component, connection.sink),
+            convert=False,
+        )  # fmt: skip
+        sink = (connection.sink_component, connection.sink)
+        if sink in feeding:
+            raise UserError(
+                f"{where}: two sources feed one sink, only one may: {feeding[sink].name} and {connection.name}"
+            )
+        feeding[sink] = connection
+    if unfed := [name for name in system.outputs if (None, name) not in feeding]:
+        raise UserError(f"{where}: output {among(unfed)} of the system is not connected to any component")

@@ -1,0 +1,201 @@
+"""SSP 1.0 out: a System as .ssd, its parameters as .ssv, or all of it with the FMUs as one .ssp."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from fmpy.model_description import BaseUnit
+from lxml import etree
+
+from cobot_joint import xml
+from cobot_joint.errors import UserError
+from cobot_joint.system.model import Component, Connection, Connector, System, Value
+from cobot_joint.system.read import COUPLING, NS
+from cobot_joint.system.wiring import EXPONENTS, Wiring, check, conversion, port_type
+
+
+def write_ssd(system: System, path: Path) -> Path:
+    """The description alone; component sources as the system has them."""
+    _replace(path, describe(system, {c.name: c.source for c in system.components}))
+    return path
+
+
+def write_ssv(component: Component, path: Path) -> Path:
+    """The parameters that a system sets on a component, as a parameter set."""
+    root = _parameter_set(component)
+    _replace(path, _text(root, "SystemStructureParameterValues", path))
+    return path
+
+
+def write_ssp(system: System, path: Path) -> Path:
+    """Description and FMUs in one archive that any SSP importer takes. Same system, same bytes."""
+    files: dict[str, Path] = {}
+    for component in system.components:
+        name = component.unit.path.name
+        if files.setdefault(name, component.unit.path) != component.unit.path:
+            raise UserError(f"{path}: two different FMUs are called {name}: {files[name]} and {component.unit.path}")
+    sources = {c.name: f"resources/{c.unit.path.name}" for c in system.components}
+    handle, partial = tempfile.mkstemp(dir=path.parent, suffix=".ssp")
+    os.close(handle)
+    try:
+        with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr(zipfile.ZipInfo("SystemStructure.ssd"), describe(system, sources))
+            for name, fmu in files.items():
+                archive.writestr(zipfile.ZipInfo(f"resources/{name}"), fmu.read_bytes())
+        Path(partial).chmod(0o644)
+        Path(partial).replace(path)
+    finally:
+        Path(partial).unlink(missing_ok=True)
+    return path
+
+
+def describe(system: System, sources: Mapping[str, str]) -> bytes:
+    """The SystemStructureDescription, held against SSP's schema."""
+    check(system)
+    units = _units(system)
+    root = etree.Element(_tag("ssd", "SystemStructureDescription"), nsmap=NS, version="1.0", name=system.name)
+    element = etree.SubElement(root, _tag("ssd", "System"), name=system.name)
+    connectors = [*system.inputs.values(), *system.outputs.values()]
+    _connectors(element, connectors)
+    elements = etree.SubElement(element, _tag("ssd", "Elements"))
+    for component in system.components:
+        node = etree.SubElement(elements, _tag("ssd", "Component"), name=component.name, source=sources[component.name])
+        _connectors(node, _ports(component, system))
+        if component.parameters:
+            bindings = etree.SubElement(node, _tag("ssd", "ParameterBindings"))
+            binding = etree.SubElement(bindings, _tag("ssd", "ParameterBinding"))
+            etree.SubElement(binding, _tag("ssd", "ParameterValues")).append(_parameter_set(component))
+    wiring = Wiring(system.components, connectors, units, system.name)
+    if system.connections:
+        wires = etree.SubElement(element, _tag("ssd", "Connections"))
+        for connection in system.connections:
+            _connection(wires, connection, wiring)
+    if units:
+        _write_units(etree.SubElement(root, _tag("ssd", "Units")), units)
+    experiment = system.default_experiment
+    node = etree.SubElement(
+        root, _tag("ssd", "DefaultExperiment"),
+        startTime=_number(experiment.start_time), stopTime=_number(experiment.stop_time),
+    )  # fmt: skip
+    coupling = {"scheme": experiment.scheme, "step": _number(experiment.step) if experiment.step else None}
+    if given := {name: value for name, value in coupling.items() if value is not None}:
+        annotations = etree.SubElement(node, _tag("ssd", "Annotations"))
+        etree.SubElement(etree.SubElement(annotations, _tag("ssc", "Annotation"), type=COUPLING), "coupling", given)
+    return _text(root, "SystemStructureDescription", Path(f"{system.name}.ssd"))
+
+
+def _connectors(parent: etree._Element, connectors: list[Connector]) -> None:
+    if not connectors:
+        return
+    group = etree.SubElement(parent, _tag("ssd", "Connectors"))
+    for c in connectors:
+        node = etree.SubElement(group, _tag("ssd", "Connector"), name=c.name, kind=c.causality)
+        if c.description:
+            node.set("description", c.description)
+        typed = etree.SubElement(node, _tag("ssc", c.type))
+        if c.type == "Real" and c.unit:
+            typed.set("unit", c.unit)
+
+
+def _ports(component: Component, system: System) -> list[Connector]:
+    """Outputs, and wired inputs only: some importers set every input that a description lists to 0, wired or not."""
+    unit = component.unit
+    wired = {c.sink for c in system.connections if c.sink_component == component.name}
+    return [
+        Connector(v.name, v.causality, kind, unit.unit_of(v.name), v.description or "")
+        for v in unit.variables.values()
+        if (v.causality == "output" or (v.causality == "input" and v.name in wired)) and (kind := port_type(v.type))
+    ]
+
+
+def _connection(parent: etree._Element, c: Connection, wiring: Wiring) -> None:
+    node = etree.SubElement(parent, _tag("ssd", "Connection"))
+    for side, component, name in (("start", c.source_component, c.source), ("end", c.sink_component, c.sink)):
+        if component is not None:
+            node.set(f"{side}Element", component)
+        node.set(f"{side}Connector", name)
+    try:
+        source = wiring.endpoint(c.source_component, c.source)
+        by_units = conversion(source, wiring.endpoint(c.sink_component, c.sink), wiring.where)
+    except UserError:  # a wire that was made with its units left alone
+        by_units = None
+    if by_units != (c.factor, c.offset):
+        node.set("suppressUnitConversion", "true")
+        etree.SubElement(
+            node, _tag("ssc", "LinearTransformation"), factor=_number(c.factor), offset=_number(c.offset)
+        )  # fmt: skip
+
+
+def _parameter_set(component: Component) -> etree._Element:
+    root = etree.Element(_tag("ssv", "ParameterSet"), nsmap=NS, version="1.0", name=component.name)
+    group = etree.SubElement(root, _tag("ssv", "Parameters"))
+    used: dict[str, BaseUnit] = {}
+    for name, value in component.parameters.items():
+        parameter = etree.SubElement(group, _tag("ssv", "Parameter"), name=name)
+        _parameter(parameter, component, name, value, used)
+    if used:
+        _write_units(etree.SubElement(root, _tag("ssv", "Units")), used)
+    return root
+
+
+def _parameter(
+    parent: etree._Element, component: Component, name: str, value: Value, used: dict[str, BaseUnit]
+) -> None:
+    variable, unit = component.unit.variables[name], component.unit.unit_of(name)
+    if variable.type == "Enumeration" and variable.declaredType:
+        item = next(i for i in variable.declaredType.items if int(i.value) == value)
+        etree.SubElement(parent, _tag("ssv", "Enumeration"), value=str(item.name))
+        return
+    text = _number(value) if variable.type == "Real" else str(value).lower()
+    typed = etree.SubElement(parent, _tag("ssv", variable.type), value=text)
+    if variable.type == "Real" and unit and unit in component.unit.units:
+        typed.set("unit", unit)
+        used[unit] = component.unit.units[unit]
+
+
+def _units(system: System) -> dict[str, BaseUnit]:
+    """Units that the system and its components name, as the components define them."""
+    units: dict[str, BaseUnit] = {}
+    for component in system.components:
+        for name, base in component.unit.units.items():
+            units.setdefault(name, base)
+    named = {c.unit for c in [*system.inputs.values(), *system.outputs.values()]}
+    named |= {p.unit for component in system.components for p in _ports(component, system)}
+    return {name: units[name] for name in sorted(n for n in named if n) if name in units}
+
+
+def _write_units(parent: etree._Element, units: Mapping[str, BaseUnit]) -> None:
+    for name, base in units.items():
+        node = etree.SubElement(etree.SubElement(parent, _tag("ssc", "Unit"), name=name), _tag("ssc", "BaseUnit"))
+        for exponent in EXPONENTS:
+            if power := getattr(base, exponent):
+                node.set(exponent, str(power))
+        if base.factor != 1.0:
+            node.set("factor", _number(base.factor))
+        if base.offset != 0.0:
+            node.set("offset", _number(base.offset))
+
+
+def _text(root: etree._Element, schema: str, path: Path) -> bytes:
+    etree.cleanup_namespaces(root)
+    text = etree.tostring(root, pretty_print=True, xml_declaration=True, encoding="UTF-8")
+    xml.parse(text, str(path), schema)
+    return text
+
+
+def _tag(prefix: str, name: str) -> str:
+    return f"{{{NS[prefix]}}}{name}"
+
+
+def _number(value: Value) -> str:
+    return repr(float(value))
+
+
+def _replace(path: Path, text: bytes) -> None:
+    partial = path.with_name(f".{path.name}.partial")
+    partial.write_bytes(text)
+    partial.replace(path)

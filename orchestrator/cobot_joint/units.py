@@ -1,0 +1,258 @@
+"""Units: where their FMUs are, what their modelDescription says, and the physics terms and flanges they annotate."""
+
+from __future__ import annotations
+
+import atexit
+import hashlib
+import os
+import shutil
+import tempfile
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Literal
+
+from fmpy import read_model_description
+from fmpy.model_description import BaseUnit, ModelDescription, ModelVariable
+
+from cobot_joint import paths, xml
+from cobot_joint.errors import UserError, among
+
+TOOL = "cobot-joint"  # the name under which units annotate their modelDescription
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A parameter that shapes a term; not identifiable while the term is off, so it is scanned from min to max.
+
+    `scan`: lin or log spacing, or the unit's word for the kind: order (whole numbers per turn), phase (0, quarter).
+    """
+
+    name: str
+    min: float
+    max: float
+    scan: str = "lin"
+    points: int = 5
+
+
+@dataclass(frozen=True)
+class Term:
+    """A physics term that can be switched off: with its amplitude parameter at `neutral` it is as if not there."""
+
+    name: str
+    title: str
+    equation: str
+    source: str
+    amplitude: str | None = None
+    neutral: float = 0.0
+    shapes: tuple[Shape, ...] = ()
+
+
+@dataclass(frozen=True)
+class Flange:
+    """A shaft end: variables of angle, speed, torque, and work through it. `gives`: tau*w > 0 leaves the unit there."""
+
+    name: str
+    phi: str
+    w: str
+    tau: str
+    W: str
+    W_abs: str
+    role: Literal["gives", "takes"]
+
+
+@dataclass(frozen=True)
+class Unit:
+    """An FMU, unpacked, and what it says of itself."""
+
+    path: Path
+    directory: Path
+    description: ModelDescription = field(repr=False)
+    terms: tuple[Term, ...] = field(default=(), repr=False)
+    flanges: tuple[Flange, ...] = field(default=(), repr=False)
+
+    @property
+    def name(self) -> str:
+        """The FMU's modelName."""
+        return str(self.description.modelName)
+
+    @cached_property
+    def variables(self) -> Mapping[str, ModelVariable]:
+        """name -> variable, in the order of the modelDescription"""
+        return {variable.name: variable for variable in self.description.modelVariables}
+
+    @cached_property
+    def units(self) -> Mapping[str, BaseUnit]:
+        """The FMU's UnitDefinitions that have a BaseUnit."""
+        return {u.name: u.baseUnit for u in self.description.unitDefinitions if u.name and u.baseUnit}
+
+    def unit_of(self, variable: str) -> str | None:
+        """The unit that a variable, or its declared type, names."""
+        v = self.variables[variable]
+        return v.unit or (v.declaredType.unit if v.declaredType else None)
+
+    @cached_property
+    def needs(self) -> Mapping[str, list[str]]:
+        """Output -> inputs that it depends on; through the states of a unit that has some, on all of them.
+
+        A unit has states, as far as it says, where an output depends on no input or does not say on which.
+        """
+        inputs = [v.name for v in self.variables.values() if v.causality == "input"]
+        memory = any(not unknown.dependencies for unknown in self.description.outputs)
+        return {
+            unknown.variable.name: inputs if memory else [v.name for v in unknown.dependencies]
+            for unknown in self.description.outputs
+        }
+
+    def bounds_of(self, variable: str) -> tuple[float | None, float | None]:
+        """(min, max) of a variable or of its declared type, None where open; an enumeration's first and last value."""
+        v, t = self.variables[variable], self.variables[variable].declaredType
+        if t is not None and t.items:
+            values = [int(item.value) for item in t.items]
+            return min(values), max(values)
+        lower = v.min if v.min is not None else t.min if t else None
+        upper = v.max if v.max is not None else t.max if t else None
+        return (None if lower is None else float(lower)), (None if upper is None else float(upper))
+
+
+def find_fmu(file: str, beside: Path | None = None) -> Path:
+    """The FMU of that name or path: relative to `beside` first, else by its file name among the shipped units.
+
+    UserError: there is none; says where it was looked for.
+    """
+    if beside is not None and (beside / file).is_file():
+        return (beside / file).resolve()
+    for directory in fmu_directories():
+        if (found := directory / Path(file).name).is_file():
+            return found
+    places = [str(d) for d in ([beside] if beside else []) + fmu_directories()]
+    raise UserError(f"{file}: there is no such FMU, looked for in {among(places)}")
+
+
+def fmu_directories() -> list[Path]:
+    """Where shipped units are: COBOT_JOINT_FMUS, the installed package, a checkout's build tree; those that exist."""
+    named = os.environ.get("COBOT_JOINT_FMUS")
+    places = ([Path(named)] if named else []) + [paths.PACKAGE / "fmus", paths.CHECKOUT / "build" / "fmus"]
+    return [place for place in places if place.is_dir()]
+
+
+def load_unit(path: Path | str) -> Unit:
+    """Unpack an FMU once and read it. UserError: not an FMU that can be stepped (FMI 2.0 co-simulation)."""
+    return _load(Path(path), unpack(Path(path)))
+
+
+@cache
+def _digest(path: Path, modified: int) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@cache
+def _load(path: Path, directory: Path) -> Unit:
+    try:
+        text = (directory / "modelDescription.xml").read_bytes()
+    except FileNotFoundError as error:
+        raise UserError(f"{path}: not an FMU: it holds no modelDescription.xml") from error
+    root = xml.parse(text, f"{path}: modelDescription.xml")
+    try:
+        description = read_model_description(str(directory))
+    except Exception as error:  # FMPy raises bare Exceptions for what it does not like in a file
+        raise UserError(f"{path}: modelDescription.xml: {' '.join(str(error).split())}") from error
+    if description.fmiVersion != "2.0" or description.coSimulation is None:
+        raise UserError(f"{path}: FMI {description.fmiVersion} is given, FMI 2.0 co-simulation is needed")
+    annotations = root.find(f"VendorAnnotations/Tool[@name='{TOOL}']")
+    terms: tuple[Term, ...] = ()
+    flanges: tuple[Flange, ...] = ()
+    if annotations is not None:
+        where = f"{path}: VendorAnnotations"
+        terms = tuple(_term(element, where) for element in annotations.iterfind(".//Term"))
+        flanges = tuple(_flange(element, where) for element in annotations.iterfind(".//Flange"))
+    unit = Unit(path, directory, description, terms, flanges)
+    _check_annotations(unit)
+    return unit
+
+
+def _term(element: xml.etree._Element, where: str) -> Term:
+    try:
+        return Term(
+            name=element.attrib["name"],
+            title=element.get("title", ""),
+            equation=element.get("equation", ""),
+            source=element.get("source", ""),
+            amplitude=element.get("amplitude") or None,
+            neutral=float(element.get("neutral", "0")),
+            shapes=tuple(
+                Shape(
+                    name=shape.attrib["name"],
+                    min=float(shape.attrib["min"]),
+                    max=float(shape.attrib["max"]),
+                    scan=shape.get("scan", "lin"),
+                    points=int(shape.get("points", "5")),
+                )
+                for shape in element.iterfind("Shape")
+            ),
+        )
+    except (KeyError, ValueError) as error:
+        raise UserError(f"{where}: Term {element.get('name')!r}: {error}") from error
+
+
+def _flange(element: xml.etree._Element, where: str) -> Flange:
+    try:
+        names = {key: element.attrib[key] for key in ("name", "phi", "w", "tau", "W", "W_abs")}
+    except KeyError as error:
+        raise UserError(f"{where}: Flange {element.get('name')!r}: {error} is missing") from error
+    role = element.get("role")
+    if role not in ("gives", "takes"):
+        raise UserError(f"{where}: Flange {names['name']!r}: role {role!r} is given, gives or takes is allowed")
+    return Flange(**names, role="gives" if role == "gives" else "takes")
+
+
+def _check_annotations(unit: Unit) -> None:
+    named = [name for term in unit.terms for name in (term.amplitude, *(s.name for s in term.shapes)) if name]
+    named += [name for f in unit.flanges for name in (f.phi, f.w, f.tau, f.W, f.W_abs)]
+    for name in named:
+        if name not in unit.variables:
+            raise UserError(f"{unit.path}: VendorAnnotations name {name!r}, which is no variable of the unit")
+
+
+def unpack(path: Path) -> Path:
+    """The folder with a zip file's content (.fmu, .ssp), unpacked once. UserError: not readable, or no zip file."""
+    try:
+        return _unpack(path, _digest(path, path.stat().st_mtime_ns))
+    except OSError as error:
+        raise UserError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+def _unpack(path: Path, digest: str) -> Path:
+    """In the user's cache, under the file's hash: unpacked by whoever comes first, whole or not at all."""
+    target = _cache() / digest
+    if target.is_dir():
+        return target
+    partial = Path(tempfile.mkdtemp(dir=target.parent))
+    try:
+        with zipfile.ZipFile(path) as archive:
+            archive.extractall(partial)
+        partial.rename(target)
+    except zipfile.BadZipFile as error:
+        raise UserError(f"{path}: not a {path.suffix or 'zip'} file: {error}") from error
+    except OSError:
+        if not target.is_dir():  # else another process was faster
+            raise
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+    return target
+
+
+@cache
+def _cache() -> Path:
+    """XDG's cache, or a folder of this process's own where that cannot be written."""
+    place = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / TOOL / "fmus"
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=place):
+            return place
+    except OSError:
+        own = Path(tempfile.mkdtemp(prefix=f"{TOOL}-"))
+        atexit.register(shutil.rmtree, own, ignore_errors=True)
+        return own

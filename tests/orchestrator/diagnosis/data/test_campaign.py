@@ -1,0 +1,124 @@
+"""A campaign file says what it wants, or is told in one line what it may say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cobot_joint import paths
+from cobot_joint.diagnosis.data.campaign import load_campaign, read_campaign_file, system_connectors
+from cobot_joint.diagnosis.engine import noises
+from cobot_joint.errors import UserError
+from cobot_joint.system.read import load_system
+
+
+def write(folder: Path, toml: str) -> Path:
+    t = np.arange(100) * 1e-3
+    rows = "\n".join(f"{a},{3 * a},{1000 * a + 5}" for a in t)
+    (folder / "run.csv").write_text(f"t,vir,qm\n{rows}\n")
+    (folder / "campaign.toml").write_text(toml)
+    return folder / "campaign.toml"
+
+
+AXIS = """system = "axis.ssd"
+[channels]
+"vir [V]" = "u"
+"qm [mm]" = "axis.s"
+[tolerances]
+"axis.friction.d" = "20 %"
+"axis.friction.tau_C" = [0.0, 2.0]
+[[recording]]
+file = "run.csv"
+initial = { "axis.s" = "first sample" }
+"""
+
+
+def test_a_campaign_over_another_system_maps_columns_to_its_connectors(tmp_path: Path, axis: Path) -> None:
+    campaign = load_campaign(write(tmp_path, AXIS))
+    (r,) = campaign.recordings
+    assert set(r.inputs) == {"u"}
+    assert set(r.outputs) == {"axis.s"}
+    assert r.role == "train"
+    assert r.outputs["axis.s"][1] == pytest.approx(6e-3)
+    assert r.initial == {"axis.s": pytest.approx(5e-3)}
+    assert campaign.tolerances["axis.friction.d"].bounds(-2.0) == pytest.approx((-2.4, -1.6))
+    assert campaign.tolerances["axis.friction.tau_C"].bounds(1.0) == (0.0, 2.0)
+
+
+def test_connectors_are_those_of_the_system_and_of_its_components(axis: Path) -> None:
+    found = {(c.name, c.causality, c.unit) for c in system_connectors(axis).values()}
+    assert found == {("u", "input", "V"), ("axis.u", "input", "V"), ("axis.F", "input", "N"), ("axis.s", "output", "m")}
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (
+            ("[[recording]]", "[[recordings]]"),
+            "recordings: no such key, allowed are title, system, setups, channels, tolerances, logged, terms, "
+            "frequency_response, alternative, recording",
+        ),
+        (('file = "run.csv"', 'file = "gone.csv"'), "gone.csv: there is no such file"),
+        (
+            ('file = "run.csv"', 'file = "run.csv"\nrole = "test"'),
+            "recording.0.role: 'test' is given; Input should be 'train' or 'holdout'",
+        ),
+        (('file = "run.csv"', 'file = "run.csv"\nsetup = "hot"'), "setup 'hot' is given, default is allowed"),
+        (('"20 %"', '"20"'), "tolerances.axis.friction.d: '20' is given, \"20 %\" or [lower, upper] is allowed"),
+        (('"axis.s"\n', '"axis.x"\n'), "'axis.x': axis.ssd has no such connector, it has u, axis.s, axis.F, axis.u"),
+        (('"axis.ssd"', '"exo.ssd"'), "system 'exo.ssd': there is no"),
+        (('"axis.ssd"', '"exo"'), "system 'exo' is given, joint or an .ssp or .ssd file is allowed"),
+        (("[[recording]]", "[[recording"), "not a TOML file"),
+        (("qm [mm]", "qm [A]"), "unit 'A' is given, one that converts to 'm' is needed"),
+    ],
+)
+def test_a_wrong_campaign_is_refused_in_one_line(
+    tmp_path: Path, axis: Path, change: tuple[str, str], told: str
+) -> None:
+    with pytest.raises(UserError) as error:
+        load_campaign(write(tmp_path, AXIS.replace(*change)))
+    assert told in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_campaign_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="there is no such campaign file"):
+        load_campaign(tmp_path / "campaign.toml")
+
+
+def test_an_open_campaign_reads_without_a_word(shared: Path) -> None:
+    campaign = load_campaign(shared / "recordings/open/case01")
+    assert [(r.name, r.setup, r.role, len(r.time)) for r in campaign.recordings] == [
+        ("noload", "no_load", "train", 16001),
+        ("load", "loaded", "train", 16001),
+        ("reversals", "loaded", "train", 16001),
+        ("holdout", "loaded", "holdout", 16001),
+    ]
+    assert not any(r.notes for r in campaign.recordings)
+    assert set(campaign.train[0].inputs) == {"v_command"}
+    assert set(campaign.train[0].outputs) == {"i_motor", "w_motor"}
+
+
+def test_what_the_campaign_says_of_noise_replaces_the_estimate(tmp_path: Path, axis: Path) -> None:
+    logged = '[logged."axis.s"]\nunit = "m"\ncausality = "output"\nnoise = 0.5\ncolour = 0.25\n'
+    noise = noises(load_campaign(write(tmp_path, AXIS + logged)))["axis.s"]
+    assert (noise.sigma, noise.colour) == (0.5, 0.25)
+
+
+def test_what_the_joint_brings_fits_its_systems() -> None:
+    """Logged channels are connectors of every set-up that has them, tolerances are parameters of its units."""
+    given = read_campaign_file(paths.folder("systems") / "joint.campaign.toml")
+    parameters: set[str] = set()
+    for setup, file in given.setups.items():
+        path = paths.folder("systems") / file
+        offered = system_connectors(path)
+        for name, channel in given.logged.items():
+            if channel.setups is None or setup in channel.setups:
+                assert (offered[name].causality, offered[name].unit) == (channel.causality, channel.unit)
+        for component in load_system(path).components:
+            parameters |= {f"{component.name}.{name}" for name in component.unit.variables}
+    assert len(given.tolerances) == 19
+    assert set(given.tolerances) <= parameters
+    assert set(given.channels.values()) == set(given.logged)

@@ -1,0 +1,76 @@
+"""Noise, colour, step and delay come out as they were put in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.signal
+
+from cobot_joint.diagnosis.data.campaign import load_campaign
+from cobot_joint.diagnosis.data.conditioning import assess, condition, delay
+
+N = 16000
+STEP = 1e-3
+T = np.arange(N) * STEP
+
+
+def noise(rho: float, sigma: float, seed: int = 7) -> np.ndarray:
+    white = np.random.default_rng(seed).standard_normal(N + 500)
+    return sigma * scipy.signal.lfilter([np.sqrt(1 - rho**2)], [1, -rho], white)[500:]
+
+
+def motion() -> np.ndarray:
+    """At rest for a second, then ramps, plateaus and a resonance that rings down."""
+    ramps = np.interp(T, [1, 2, 4, 5, 9, 10], [0, 300, 300, -200, -200, 0])
+    return ramps + 20 * np.exp(-np.maximum(T - 4, 0) / 0.3) * np.sin(2 * np.pi * 30 * T) * (T > 4)
+
+
+@pytest.mark.parametrize("rho", [-0.4, 0.0, 0.5, 0.8])
+def test_noise_and_its_colour_are_estimated_under_a_moving_signal(rho: float) -> None:
+    q = assess(motion() + noise(rho, 0.3))
+    assert q.noise == pytest.approx(0.3, rel=0.06)
+    assert q.colour == pytest.approx(rho, abs=0.06)
+
+
+def test_the_converter_step_is_read_off_the_values() -> None:
+    for step, scale in ((0.3834951969714103, 1.0), (10 / 4096, 0.01)):
+        x = np.round(scale * (motion() + noise(0.0, 0.3)) / step) * step
+        assert assess(np.round(x, 6)).step == pytest.approx(step, rel=1e-3)
+    assert assess(motion() + noise(0.0, 0.3)).step == 0.0
+
+
+def test_a_channel_at_its_rail_counts_as_saturated() -> None:
+    x = np.clip(motion() + noise(0.0, 0.3), -150, 250)
+    assert assess(x).saturated > 4000
+    assert assess(motion() + noise(0.0, 0.3)).saturated == 0
+
+
+def test_samples_not_recorded_are_counted_and_do_not_disturb() -> None:
+    x = motion() + noise(0.5, 0.3)
+    x[2000:2300] = np.nan
+    q = assess(x)
+    assert q.missing == 300
+    assert q.noise == pytest.approx(0.3, rel=0.06)
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.4e-3, 3.3e-3, -2e-3])
+def test_a_delay_is_found_to_a_fraction_of_a_sample(seconds: float) -> None:
+    tau, error = delay(motion() + noise(0, 0.1, 1), 0.5 * np.interp(T - seconds, T, motion()) + noise(0, 0.1, 2), STEP)
+    assert tau == pytest.approx(seconds, abs=0.05e-3)
+    assert abs(tau - seconds) < 5 * error
+
+
+def test_channels_with_nothing_in_common_have_no_delay() -> None:
+    assert np.isnan(delay(motion(), np.zeros(N), STEP)[0])
+
+
+@pytest.mark.parametrize(("case", "rho"), [("case01", 0.0), ("case03", 0.5), ("case06", 0.8)])
+def test_the_loggers_data_sheet_is_recovered_from_the_open_campaigns(shared: Path, case: str, rho: float) -> None:
+    """White noise and quantisation together: 4.06e-3 A, 0.320 rad/s, 5.19e-3 N.m, 12 bits."""
+    quality = condition(load_campaign(shared / "recordings/open" / case, roles=("train",)))
+    for name, sigma in {"i_motor": 4.06e-3, "w_motor": 0.320, "tau_sensor": 5.19e-3}.items():
+        assert quality[name].noise == pytest.approx(sigma, rel=0.03)
+    assert quality["tau_sensor"].colour == pytest.approx(rho, abs=0.08)
+    assert quality["i_motor"].step == pytest.approx(10 / 4096, rel=1e-3)

@@ -1,0 +1,166 @@
+"""What is wrong with a log is found, repaired and said; nothing is lost in silence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
+import pytest
+
+from cobot_joint.diagnosis.data.quantity import convert
+from cobot_joint.diagnosis.data.recording import Connector, Recording, read_recording
+from cobot_joint.errors import UserError
+
+CONNECTORS = {
+    "v": Connector("v", "input", "V"),
+    "w": Connector("w", "output", "rad/s"),
+    "i": Connector("i", "output", "A"),
+}
+T = np.arange(1000) * 1e-3
+SIGNALS = {"v [V]": 2 * T, "w [rad/s]": 100 * np.sin(5 * T), "i [A]": np.cos(5 * T)}
+
+
+def read(tmp_path: Path, time: np.ndarray, signals: dict[str, np.ndarray], **more) -> Recording:
+    pa.parquet.write_table(pa.table({"time [s]": time} | signals), tmp_path / "run.parquet")
+    return read_recording(tmp_path / "run.parquet", CONNECTORS, {"v": "v", "w": "w", "i": "i"}, **more)
+
+
+def test_a_clean_log_passes_untouched_and_without_a_word(tmp_path: Path) -> None:
+    r = read(tmp_path, T, SIGNALS)
+    assert r.notes == []
+    assert np.array_equal(r.outputs["w"], SIGNALS["w [rad/s]"])
+    assert np.array_equal(r.inputs["v"], SIGNALS["v [V]"])
+    assert np.allclose(r.time, T, atol=1e-12)
+    assert r.step == pytest.approx(1e-3)
+
+
+def test_repeated_stamps_are_dropped_and_said(tmp_path: Path) -> None:
+    index = np.sort(np.concatenate([np.arange(1000), [100, 500, 500]]))
+    r = read(tmp_path, T[index], {n: v[index] for n, v in SIGNALS.items()})
+    assert r.notes == ["the clock repeats 3 time stamps, the first sample of each is used"]
+    assert np.array_equal(r.outputs["w"], SIGNALS["w [rad/s]"])
+
+
+def test_strays_are_sorted_and_said(tmp_path: Path) -> None:
+    index = np.arange(1000)
+    index[[300, 301]] = index[[301, 300]]
+    r = read(tmp_path, T[index], {n: v[index] for n, v in SIGNALS.items()})
+    assert "runs backward 1 times" in r.notes[0]
+    assert np.array_equal(r.outputs["w"], SIGNALS["w [rad/s]"])
+
+
+def test_a_clock_that_restarts_is_cut_to_its_longest_piece_and_the_loss_is_counted(tmp_path: Path) -> None:
+    r = read(
+        tmp_path,
+        np.concatenate([T[:300], T[:700]]),
+        {n: np.concatenate([v[:300], v[:700]]) for n, v in SIGNALS.items()},
+    )
+    assert len(r.time) == 700
+    assert "restarts 1 times (first at 0.299 s)" in r.notes[0]
+    assert "300 of 1000 samples are not" in r.notes[0]
+
+
+def test_a_gap_masks_outputs_bridges_inputs_and_is_said(tmp_path: Path) -> None:
+    keep = (T < 0.4) | (T >= 0.45)
+    r = read(tmp_path, T[keep], {n: v[keep] for n, v in SIGNALS.items()})
+    assert len(r.time) == 1000
+    assert np.isnan(r.outputs["w"][400:450]).all()
+    assert np.isfinite(r.outputs["w"]).sum() == 950
+    assert np.allclose(r.inputs["v"], SIGNALS["v [V]"], atol=1e-12)
+    assert "w: 1 gaps, 50 of 1000 samples, first at 0.4 s" in r.notes
+    assert "v drives the system: 50 samples that were not recorded are bridged in a straight line" in r.notes
+
+
+def test_values_that_are_missing_are_masked_and_said(tmp_path: Path) -> None:
+    w = SIGNALS["w [rad/s]"].copy()
+    w[200:220] = np.nan
+    r = read(tmp_path, T, SIGNALS | {"w [rad/s]": w})
+    assert np.isnan(r.outputs["w"][200:220]).all()
+    assert np.isfinite(r.outputs["w"]).sum() == 980
+    assert "w has no value in 20 of 1000 samples, left out" in r.notes
+
+
+def test_an_irregular_clock_is_interpolated_onto_a_regular_one_and_said(tmp_path: Path) -> None:
+    t = T + np.random.default_rng(1).uniform(-2e-4, 2e-4, len(T))
+    r = read(tmp_path, t, {"v [V]": 2 * t, "w [rad/s]": 100 * np.sin(5 * t), "i [A]": np.cos(5 * t)})
+    assert np.allclose(np.diff(r.time), r.step)
+    assert np.nanmax(np.abs(r.outputs["w"] - 100 * np.sin(5 * r.time))) < 2e-3
+    assert any("w:" in note and "off the regular clock" in note for note in r.notes)
+
+
+def test_a_missing_channel_is_said_and_an_unknown_one_too(tmp_path: Path) -> None:
+    r = read(tmp_path, T, {"w [rad/s]": SIGNALS["w [rad/s]"], "oil [K]": T})
+    assert "oil is not connected to the system and not used" in r.notes
+    assert "i is not recorded and is not compared" in r.notes
+    assert "v is not recorded and stays at its start value" in r.notes
+
+
+def test_units_of_the_header_are_converted(tmp_path: Path) -> None:
+    rpm = SIGNALS["w [rad/s]"] * 30 / np.pi
+    r = read(tmp_path, T, {"w [rpm]": rpm, "i [mA]": 1e3 * SIGNALS["i [A]"], "v [V]": SIGNALS["v [V]"]})
+    assert np.allclose(r.outputs["w"], SIGNALS["w [rad/s]"])
+    assert np.allclose(r.outputs["i"], SIGNALS["i [A]"])
+    assert r.units == {"w": "rad/s", "i": "A", "v": "V"}
+
+
+@pytest.mark.parametrize(
+    ("unit", "target", "at_1"),
+    [
+        ("degC", "K", 274.15),
+        ("0.1 %", "1", 1e-3),
+        ("mN.m", "N.m", 1e-3),
+        ("g.m2", "kg.m2", 1e-3),
+        ("deg", "rad", np.pi / 180),
+    ],
+)
+def test_a_unit_converts(unit: str, target: str, at_1: float) -> None:
+    assert convert(np.ones(1), unit, target, "x")[0][0] == pytest.approx(at_1)
+
+
+@pytest.mark.parametrize(("unit", "target"), [("V", "rad/s"), ("Hz", "rad/s"), ("furlongish", "m")])
+def test_a_unit_that_does_not_convert_is_refused(unit: str, target: str) -> None:
+    with pytest.raises(UserError, match=f"column 'x': unit '{unit}' is given"):
+        convert(np.ones(1), unit, target, "column 'x'")
+
+
+def test_an_initial_value_is_taken_from_the_first_sample(tmp_path: Path) -> None:
+    r = read(tmp_path, T, SIGNALS, initial={"i": "first sample", "phi": 0.25})
+    assert r.initial == {"i": 1.0, "phi": 0.25}
+    with pytest.raises(
+        UserError, match="initial 'phi' = 'first sample' is given, a number or \"first sample\" of one of v, w, i"
+    ):
+        read(tmp_path, T, SIGNALS, initial={"phi": "first sample"})
+
+
+def test_a_log_without_any_output_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        UserError, match="none of its columns is an output of the system to compare with; known are w, i"
+    ):
+        read(tmp_path, T, {"v [V]": SIGNALS["v [V]"]})
+
+
+def test_a_window_and_late_stamps_are_put_right(tmp_path: Path) -> None:
+    time = np.arange(0, 1, 0.01)
+    table = np.column_stack([time, np.sin(time), np.sin(time - 0.02)])  # y is stamped two samples late
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="time,u,y", comments="", fmt="%.12g")
+    connectors = {"u": Connector("u", "input"), "y": Connector("y", "output")}
+    recording = read_recording(
+        tmp_path / "a.csv", connectors, {"u": "u", "y": "y"}, window=(0.2, 0.5), late={"y": 0.02}
+    )
+    assert recording.time[0] == pytest.approx(0.2)
+    assert recording.time[-1] == pytest.approx(0.5)
+    np.testing.assert_allclose(recording.outputs["y"], recording.inputs["u"], atol=1e-6)
+    with pytest.raises(UserError, match="late: column 'z' is given, u, y are there"):
+        read_recording(tmp_path / "a.csv", connectors, {"u": "u", "y": "y"}, late={"z": 0.02})
+
+
+def test_a_regular_clock_with_rounded_stamps_keeps_its_mean_step(tmp_path: Path) -> None:
+    time = np.float32(np.arange(20000) * 1e-3).astype(float)  # single precision: the median step is off by 1e-5
+    np.savetxt(
+        tmp_path / "a.csv", np.column_stack([time, time]), delimiter=",", header="time,y", comments="", fmt="%.9g"
+    )
+    recording = read_recording(tmp_path / "a.csv", {"y": Connector("y", "output")}, {"y": "y"})
+    assert recording.step == pytest.approx(1e-3, rel=1e-7)
+    assert len(recording.time) == 20000

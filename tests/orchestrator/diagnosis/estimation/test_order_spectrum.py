@@ -1,0 +1,41 @@
+"""The order spectrum."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cobot_joint.diagnosis.estimation.order_spectrum import order_spectrum
+
+ORDERS = range(1, 25)
+
+
+def spectrum(w: float, order: float, amplitude: float) -> tuple[Any, Any]:
+    """Of white noise with a wave in it over the angle of a shaft that turns back and forth at about w, in rad/s."""
+    t = np.arange(0, 48, 1e-3)
+    phi = np.cumsum(w * np.sign(np.sin(2 * np.pi * t / 24)) * (1 + 0.2 * np.sin(t))) * 1e-3
+    r = np.random.default_rng(1).normal(size=len(t)) + amplitude * np.sin(order * phi + 1)
+    problem: Any = SimpleNamespace(blocks=[SimpleNamespace(recording=0, rows=slice(0, len(t)))])
+    return order_spectrum(problem, r, "phi", [{"phi": phi}], ORDERS)
+
+
+@pytest.mark.parametrize(("w", "order"), [(300.0, 4), (40.0, 1), (6.0, 3), (2.0, 12)])
+def test_a_wave_over_a_fast_or_a_slow_shaft_stands_out_at_its_order(w: float, order: int) -> None:
+    power, windows = spectrum(w, order, 0.3)
+    assert ORDERS[int(np.argmax(power))] == order
+    assert power[order - 1] > 6 * np.sqrt(windows[order - 1])
+
+
+def test_noise_alone_shows_no_order() -> None:
+    power, windows = spectrum(40.0, 1, 0.0)
+    assert np.all(np.abs(power) < 6 * np.sqrt(np.maximum(windows, 1)))
+
+
+def test_orders_above_the_nyquist_frequency_or_without_two_periods_are_not_judged() -> None:
+    _, windows = spectrum(300.0, 1, 0.0)
+    assert windows[ORDERS.index(12)] == 0  # 12*300 rad/s > 0.8*pi*1000
+    _, windows = spectrum(0.5, 1, 0.0)
+    assert windows[0] == 0  # 4 s at 0.5 rad/s are a third of a turn

@@ -1,0 +1,126 @@
+"""What no list names: a formula where one holds, a table where none does, and never in place of a term that stands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cobot_joint.cosim import Simulation
+from cobot_joint.diagnosis.data.campaign import Campaign, Logged, load_campaign
+from cobot_joint.diagnosis.engine import diagnose_plant
+from cobot_joint.diagnosis.estimation.problem import Vector
+from cobot_joint.diagnosis.evaluation.foreign import Foreign, conceal, logged
+from cobot_joint.diagnosis.repair.repair import repair
+from cobot_joint.system.model import Inputs
+from cobot_joint.system.read import load_system
+from tests.orchestrator.diagnosis.axis import NOISE, SAMPLES, STEP, Axis, campaign
+
+OPEN = Path(__file__).parents[4] / "proof/open"
+OFF = {"axis.J": 1.04e-3, "axis.d": 1.9e-3, "axis.tau_C": 0.0206}  # inside the tolerances
+Effect = Callable[[Vector, Vector], Vector]  # of speed and angle
+
+
+def concealed(effect: Effect) -> Campaign:
+    """The axis with a torque that follows its own motion."""
+    case, rng = campaign(OFF), np.random.default_rng(1)
+    for recording in case.recordings:
+        clean = Axis().simulate(OFF, recording)
+        for _ in range(8):
+            tau = effect(clean["axis.w"], clean["axis.phi"])
+            clean = Axis().simulate(OFF, recording, added={"axis.tau_add": tau})
+        recording.outputs["w"] = clean["w"] + rng.normal(0, NOISE, SAMPLES)
+    return case
+
+
+def sgn(w: Vector) -> Vector:
+    return np.tanh(w / 0.5)
+
+
+@pytest.mark.parametrize(
+    ("name", "effect"),
+    [
+        ("windage", lambda w, phi: -2e-3 * sgn(w) * (np.abs(w) / 60) ** 2.5),
+        ("stribeck", lambda w, phi: -4e-3 * sgn(w) * np.exp(-np.abs(w) / 8)),
+    ],
+    ids=["power 2.5 for windage", "exponential for stribeck"],
+)
+def test_a_listed_term_whose_form_is_somewhat_off_stays_the_finding(name: str, effect: Effect) -> None:
+    found = diagnose_plant(concealed(effect), Axis())
+    assert [f.term for f in found.findings] == [f"axis.{name}"]
+
+
+def test_listed_terms_that_patch_a_shape_together_do_not_stand_in_for_it() -> None:
+    found = diagnose_plant(concealed(lambda w, phi: -8e-3 * (np.mod(phi, 2 * np.pi) < 0.4)), Axis())
+    assert [f.term for f in found.findings] == ["axis.unlisted"]
+
+
+def test_where_no_formula_holds_the_shape_is_a_table() -> None:
+    bump = lambda w: -8e-3 * sgn(w) * np.exp(-(((np.abs(w) - 40) / 4) ** 2))  # noqa: E731
+    found = diagnose_plant(concealed(lambda w, phi: bump(w)), Axis())
+    assert [f.term for f in found.findings] == ["axis.unlisted"]
+    shape = found.findings[0].to_json()["shape"]
+    assert shape["formula"] is None
+    w, tau = (np.array(shape["table"][name]) for name in ("w", "value"))
+    assert abs(w[np.argmin(tau)] - 40) < 6
+    assert np.min(tau) == pytest.approx(-8e-3, rel=0.3)
+    assert np.max(np.abs(tau[(np.abs(w) < 25)])) < 3e-3
+
+
+def test_a_form_that_sets_in_during_the_runs_is_given_with_its_onset() -> None:
+    late = np.arange(SAMPLES) * STEP >= 2.2
+    found = diagnose_plant(concealed(lambda w, phi: -8e-3 * np.sin(3 * phi) * np.tanh(w / 1e-3) * late), Axis())
+    assert [f.term for f in found.findings] == ["axis.unlisted"]
+    (finding,) = found.findings
+    assert finding.onset == pytest.approx(2.2, abs=0.05)
+    assert finding.shape is not None
+    assert [f.form for f in finding.shape.features] == ["sin(3*phi)*sgn(w)"]
+    assert finding.shape.features[0].coefficient.value == pytest.approx(-8e-3, rel=0.1)
+
+
+def test_what_the_logger_makes_of_a_signal_has_its_noise_colour_and_steps() -> None:
+    channel = Logged(unit="N.m", causality="output", noise=5e-3, step=1e-3)
+    y = logged(np.zeros(50_000), channel, np.random.default_rng(2), colour=0.8)
+    assert np.std(y) == pytest.approx(5e-3, rel=0.05)
+    assert np.mean(y[1:] * y[:-1]) / np.var(y) == pytest.approx(0.8, abs=0.02)
+    assert np.allclose(np.mod(y / 1e-3 + 0.5, 1), 0.5)
+
+
+def test_a_concealed_effect_is_in_the_system_whether_given_as_formula_or_as_table(tmp_path: Path) -> None:
+    campaign = load_campaign(OPEN / "case06/campaign.toml", roles=("train",))
+    w = np.array([-800.0, 800.0])
+    given = {
+        "nothing": Foreign("motor_bldc.tau_add", ((0.0, "w"),)),
+        "formula": Foreign("motor_bldc.tau_add", ((-5e-6, "w"),)),
+        "table": Foreign("motor_bldc.tau_add", signal="w", table=(w, -5e-6 * w)),
+    }
+    current = {}
+    for name, foreign in given.items():
+        seen = conceal(campaign, foreign, tmp_path / name, np.random.default_rng(4))
+        current[name] = seen.recordings[0].outputs["i_motor"]
+    assert np.std(current["formula"] - current["nothing"]) > 10 * campaign.logged["i_motor"].noise  # type: ignore[operator]
+    assert np.std(current["formula"] - current["table"]) < campaign.logged["i_motor"].noise  # type: ignore[operator]
+
+
+def test_the_system_repaired_from_a_table_in_the_diagnosis_is_that_with_the_formula(tmp_path: Path) -> None:
+    systems = {"loaded": load_system("joint_logged")}
+    phi = np.linspace(0, 2 * np.pi, 64)
+    port = {"port": "mr_brake_belt.tau_add", "unit": "N.m", "signals": [], "explains": 1.0}
+    form = {"form": "sin(1*phi_p)*sgn(w_p)", "coefficient": {"value": -0.2}}
+    shapes = {
+        "formula": port | {"formula": "...", "features": [form]},
+        "table": port
+        | {"formula": None, "features": [], "table": {"phi_p": phi, "value": -0.2 * np.sin(phi)}}
+        | {"period": 2 * np.pi, "factor": "sgn(w_p)"},
+    }
+    tau = {}
+    for name, shape in shapes.items():
+        finding = {"term": "mr_brake_belt.unlisted", "component": "mr_brake_belt", "shape": shape}
+        written = repair({"repaired": {}, "findings": [finding]}, systems, tmp_path / name)
+        with Simulation(load_system(written["loaded"])) as simulation:
+            time = np.arange(1001) * 1e-3
+            inputs = Inputs(time, {"v_command": 6 * np.sin(6 * time), "i_brake": np.full(1001, 0.1)})
+            tau[name] = simulation.run(inputs, 1.0, scheme="adaptive").signals["tau_sensor"]
+    assert np.max(np.abs(tau["table"] - tau["formula"])) < 0.02 * np.max(np.abs(tau["formula"]))

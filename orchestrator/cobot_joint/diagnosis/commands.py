@@ -194,6 +194,8 @@ def _said(effect: dict[str, Any]) -> str:
 
 
 def _findings(findings: list[dict[str, Any]]) -> Table:
+    from cobot_joint.diagnosis.report.words import load_history
+
     grid = Table(title="findings", title_justify="left", title_style="bold")
     for name in ("term", "sure", "since", "parameters", "could also be"):
         grid.add_column(name)
@@ -201,9 +203,9 @@ def _findings(findings: list[dict[str, Any]]) -> Table:
         values = [f"{name} = {p['value']:.4g} {p['unit']}" for name, p in f["parameters"].items()]
         if f.get("shape"):
             values.append(f"{f['shape']['port']} = {f['shape']['formula'] or 'a table'}")
-        if f.get("course"):
-            values.append(f["words"].split("; ")[0])
-        onset = "at times" if f.get("course") else "start" if f["onset"] is None else f"{f['onset']:.2f} s"
+        if f.get("load_history"):
+            values.append(load_history(f["load_history"]) or "")
+        onset = "at times" if f.get("load_history") else "start" if f["onset"] is None else f"{f['onset']:.2f} s"
         equivalent = ", ".join(f["equivalent"]) or "-"
         grid.add_row(f["term"], f"{100 * f['confidence']:.0f} %", onset, "\n".join(values), equivalent)
     return grid

@@ -16,8 +16,8 @@ from typing import Any
 from joblib import Parallel, delayed
 
 from cobot_joint.diagnosis.data.campaign import holdouts, missing_recordings
-from cobot_joint.diagnosis.evaluation.score import broken_seals, read_object, scoreboard
-from cobot_joint.diagnosis.store import write_atomically
+from cobot_joint.diagnosis.evaluation.score import broken_seals, scoreboard
+from cobot_joint.diagnosis.store import read_object, write_atomically
 from cobot_joint.errors import UserError
 from cobot_joint.paths import PACKAGE
 

@@ -270,8 +270,9 @@ class LoadPulse:
     def at(self, x: Vector) -> LoadPulse:
         """The same at other values, its times in order."""
         height, *times = self.coordinates
+        apart = 1e-6 * np.arange(4)  # s, at least
         moved = np.array([c.start + c.scale * float(v) for c, v in zip(times, x[1:], strict=True)])
-        t_0, t_1, t_2, t_3 = (float(t) for t in np.maximum.accumulate(moved + 1e-6 * np.arange(4)))
+        t_0, t_1, t_2, t_3 = (float(t) for t in np.maximum.accumulate(moved - apart) + apart)
         return replace(self, T=height.scale * float(x[0]), t=(t_0, t_1, t_2, t_3))
 
     def signal(self, time: Vector) -> Vector:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.plant import Plant, Signals, SimulationError
 
@@ -236,7 +237,10 @@ class Problem:
     def unexplained(self, residual: Vector) -> bool:
         """Whether more is left than noise leaves."""
         left, above = self.excess(residual), float(residual @ residual) - self.samples
-        return left > 3 * self.excess_scatter or above > 0.03 * self.samples
+        by_chance = thresholds.LEFT_SIGMA * np.sqrt(2 * self.samples)
+        if above > max(thresholds.LEFT_SHARE * self.samples, by_chance):
+            return True
+        return left > thresholds.LEFT_SIGMA * self.excess_scatter
 
     def times(self) -> Vector:
         """Time of every row since its run began, s: (rows,)"""

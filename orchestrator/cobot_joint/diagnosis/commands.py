@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import sys
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -223,13 +225,31 @@ def _figures(title: str, channels: dict[str, dict[str, Any]], units: dict[str, s
 
 
 @contextmanager
-def _stages() -> Iterator[Any]:
-    """What is being done, on stderr; a callback of words."""
-    stderr = Console(stderr=True)
+def _stages() -> Iterator[Callable[[str], None]]:
+    """What is being done, on stderr; a callback of words. Without a terminal: a line per stage, with the time."""
+    stderr, begun = Console(stderr=True), time.monotonic()
+    if not stderr.is_terminal:
+        yield _Lines(begun)
+        return
     columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
-    with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
+    with Progress(*columns, console=stderr, transient=True) as bar:
         task = bar.add_task("reading", total=None)
-        yield lambda words: bar.update(task, description=words)
+        yield lambda words: bar.update(task, description=escape(words))
+
+
+class _Lines:
+    """Progress in lines: every stage once, and within one every PAUSE seconds how far it is."""
+
+    PAUSE = 10.0  # s
+
+    def __init__(self, begun: float) -> None:
+        self.begun, self.stage, self.last = begun, "", -self.PAUSE
+
+    def __call__(self, words: str) -> None:
+        now, stage = time.monotonic() - self.begun, words.split(": ")[0]
+        if stage != self.stage or now - self.last > self.PAUSE:
+            self.stage, self.last = stage, now
+            print(f"{now:5.0f} s  {words}", file=sys.stderr, flush=True)
 
 
 def _folder(path: Path) -> Path:

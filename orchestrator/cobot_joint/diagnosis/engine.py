@@ -131,7 +131,7 @@ def _select(
     problem: Problem, calibrated: Fit, say: Progress, store: Store, basis: object, only: Sequence[str]
 ) -> Explanation:
     """`only`: the terms to look at, and nothing beyond them; empty: all, and what no list names."""
-    scan = Scan(problem, _terms(problem, only))
+    scan = Scan(problem, _terms(problem, only), say)
     select = Selector(problem, scan, say).select
     if not only and (load := look_for_unlogged_load(problem, calibrated, select, say)):
         nothing = Selection([calibrated], indistinguishable=dict(scan.indistinguishable))

@@ -25,7 +25,7 @@ Acting = LoadPulse | StepOffset
 
 
 @dataclass(frozen=True)
-class Proposal:
+class Loads:
     """Loads or an offset at one port, beside a fit: `gain` is the chi-square that a linear step predicts."""
 
     port: Port
@@ -33,7 +33,7 @@ class Proposal:
     gain: float
 
 
-def pulses(problem: Problem, start: Fit, port: Port, spans: Spans) -> Proposal | None:
+def pulses(problem: Problem, start: Fit, port: Port, spans: Spans) -> Loads | None:
     """A trapezoid over every span in which the port is there, of the size that fits best; None: there is no span."""
     found = []
     for n, each in spans.items():
@@ -46,7 +46,7 @@ def pulses(problem: Problem, start: Fit, port: Port, spans: Spans) -> Proposal |
     return _sized(problem, start, port, found)
 
 
-def step_offset(problem: Problem, start: Fit, port: Port, spans: Spans) -> Proposal | None:
+def step_offset(problem: Problem, start: Fit, port: Port, spans: Spans) -> Loads | None:
     """An offset that sets in where the largest trace begins; None: there is no span."""
     there = [n for n, r in enumerate(problem.recordings) if problem.plant.has(port.name, r)]
     shown = [(n, span) for n in there if n in spans for span in spans[n]]
@@ -58,7 +58,7 @@ def step_offset(problem: Problem, start: Fit, port: Port, spans: Spans) -> Propo
     return _sized(problem, start, port, [StepOffset(port, times, 0.0, begins, LOCATED)])
 
 
-def _sized(problem: Problem, start: Fit, port: Port, effects: Sequence[Acting]) -> Proposal | None:
+def _sized(problem: Problem, start: Fit, port: Port, effects: Sequence[Acting]) -> Loads | None:
     """The effects with the heights of a linear step from nothing."""
     if not effects:
         return None
@@ -72,7 +72,7 @@ def _sized(problem: Problem, start: Fit, port: Port, effects: Sequence[Acting]) 
         return None
     gain, found = Projection(base, list(columns.T)).gain(range(len(effects)))
     sized = [e.at(np.concatenate([[k], e.start()[1:]])) for e, k in zip(effects, found, strict=True)]
-    return Proposal(port, tuple(sized), gain)
+    return Loads(port, tuple(sized), gain)
 
 
 def fitted(problem: Problem, start: Fit, effects: Sequence[Acting]) -> Fit | None:

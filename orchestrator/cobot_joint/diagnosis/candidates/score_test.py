@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from itertools import product
 
@@ -49,12 +51,20 @@ class Score:
         """The term switched on as the score test would have it."""
         return ActiveTerm(self.term, self.values, self.onset)
 
+    @property
+    def effects(self) -> tuple[ActiveTerm]:
+        """See Proposal."""
+        return (self.active,)
+
 
 class Scan:
     """Columns of all terms of a plant. Probing amplitudes, once found, serve every later scan."""
 
-    def __init__(self, problem: Problem, terms: Sequence[TermCandidate]) -> None:
+    def __init__(
+        self, problem: Problem, terms: Sequence[TermCandidate], progress: Callable[[str], None] | None = None
+    ) -> None:
         self.problem = problem
+        self.progress = progress
         self.terms = list(terms)
         self.probe: dict[str, float] = {}
         self._simulated: dict[tuple[Key, int], Signals] = {}  # while probing, of one recording; a column asks for them
@@ -112,7 +122,9 @@ class Scan:
 
     def _run(self, fit: Fit, wanted: Sequence[tuple[TermCandidate, Mapping[str, float]]]) -> list[Column]:
         runs = [run for term, shape in wanted for run in _probes(fit.run, term, shape, self.probe[term.name])]
-        simulated = iter(self.problem.simulate(runs, fit.simulated, known=None if fit.run.added else self._simulated))
+        with self._told():
+            known = None if fit.run.added else self._simulated
+            simulated = iter(self.problem.simulate(runs, fit.simulated, known=known))
         columns = []
         for term, shape in wanted:
             vectors = [next(simulated) for _ in range(2 if term.phase else 1)]
@@ -120,6 +132,22 @@ class Scan:
                 delta = self.probe[term.name]
                 columns.append(Column(term, shape, tuple((v.white - fit.simulated.white) / delta for v in vectors)))  # type: ignore[union-attr]
         return [c for c in columns if all(v @ v > 0 for v in c.vectors)]
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """Whoever waits is told how many simulations are done, and about how long the others take."""
+        begun = time.monotonic()
+
+        def watch(done: int, total: int) -> None:
+            left = (time.monotonic() - begun) * (total - done) / done
+            if self.progress:
+                self.progress(f"score test: simulation {done} of {total}, {left:.0f} s left")
+
+        self.problem.watch = watch
+        try:
+            yield
+        finally:
+            self.problem.watch = None
 
     def probes(self, fit: Fit) -> dict[str, float]:
         """Term -> probing amplitude."""

@@ -41,10 +41,11 @@ class Choice(Generic[Form]):
         """Where all of them enter."""
         return self.columns[0].port
 
-    def effect(self) -> PortSignal:
+    @property
+    def effects(self) -> tuple[PortSignal]:
         """Their sum, its coefficients free."""
         forms, values = tuple(str(c.form) for c in self.columns), tuple(c.values for c in self.columns)
-        return PortSignal(self.port, forms, values, tuple(float(k) for k in self.coefficients))
+        return (PortSignal(self.port, forms, values, tuple(float(k) for k in self.coefficients)),)
 
     def summed(self, form: Form) -> Choice[Form]:
         """Their sum as one feature: of a shape that is kept, only the size is free."""
@@ -75,7 +76,7 @@ def respond(
 
 def refit(problem: Problem, start: Fit, choice: Choice[Form]) -> Fit | None:
     """Base parameters and terms re-fitted beside the features. None: they cannot be simulated."""
-    effect = choice.effect()
+    (effect,) = choice.effects
     scales = [c.scale for c in effect.coordinates]
     own = np.column_stack([scale * c.vector for scale, c in zip(scales, choice.columns, strict=True)])
     x = np.concatenate([start.x, effect.start()])

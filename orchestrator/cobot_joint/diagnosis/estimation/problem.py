@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
@@ -126,6 +126,7 @@ class Problem:
         self.jobs = jobs
         self.step = step
         self.runs = 0
+        self.watch: Callable[[int, int], None] | None = None  # told of simulations done, of how many asked for at once
         self._took = [0.0 for _ in self.recordings]  # s; that a simulation took the last time
         self.blocks: list[Block] = []
         row = 0
@@ -183,8 +184,11 @@ class Problem:
             jobs.remove((k, n))
         jobs.sort(key=lambda job: -self._took[job[1]])  # what takes longest first, so that all end together
         with ThreadPoolExecutor(self.jobs) as pool:
-            for (k, n), found in zip(jobs, pool.map(lambda job: self._one(runs[job[0]], job[1]), jobs), strict=True):
+            done = pool.map(lambda job: self._one(runs[job[0]], job[1]), jobs)
+            for count, ((k, n), found) in enumerate(zip(jobs, done, strict=True), 1):
                 outputs[k][n] = found
+                if self.watch:
+                    self.watch(count, len(jobs))
         self.runs += len(jobs)
         return [self._complete(found) for found in outputs]
 

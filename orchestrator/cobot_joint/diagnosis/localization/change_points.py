@@ -16,7 +16,6 @@ from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 WINDOW = 50  # samples of which level and variance are taken
 SHORTEST = 5  # windows between two changes
 MOST = 4  # per recording and channel
-NOTABLE = 0.25  # of the chi-square per sample: less is no change that anyone would see
 NEAR, MOVES = 0.3, 0.05  # s, and share of its span by which an input then moves
 
 
@@ -54,7 +53,7 @@ def changes(problem: Problem, residual: Vector) -> list[Change]:
         for end, before, after in zip(ends[:-1], chi2[:-1], chi2[1:], strict=True):
             time = float(recording.time[end])
             change = Change(recording.name, block.channel, time, before, after, _driven(recording, time))
-            if change.size > 1 + NOTABLE:
+            if change.size > 1 + thresholds.NOTABLE_CHANGE:
                 found.append(change)
     return found
 

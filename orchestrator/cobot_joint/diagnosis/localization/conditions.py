@@ -18,7 +18,6 @@ SIZES = ((0.0, 0.05, "near zero"), (0.05, 0.35, "low"), (0.35, 0.7, "middle"), (
 BANDS = (0.0, 1.0, 10.0, 100.0, np.inf)  # Hz
 QUARTERS = ("first quarter", "second quarter", "third quarter", "last quarter")  # warmth is not logged, time is
 ORDERS = 24  # per turn, of each shaft
-WORTH = 0.1  # share from which on a level is
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,7 @@ def densest(levels: Sequence[Condition]) -> Condition | None:
     """The level in which most is above noise for its time; None: it lies too evenly to name one."""
     if dependence(levels) < thresholds.UNEVEN:
         return None
-    return max((r for r in levels if r.share > WORTH), key=lambda r: r.share / r.time, default=None)
+    return max((r for r in levels if r.share > thresholds.NOTABLE_SHARE), key=lambda r: r.share / r.time, default=None)
 
 
 Levels = list[tuple[Any, ...]]  # name, and bounds where there are some

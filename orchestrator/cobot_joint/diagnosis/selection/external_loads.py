@@ -13,7 +13,7 @@ import numpy as np
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.candidates.load_histories import (
-    Proposal,
+    Loads,
     Spans,
     acting,
     clock,
@@ -127,7 +127,7 @@ def _best(problem: Problem, start: Fit, spans: Spans, say: Say) -> tuple[Fit, Po
     proposed = [p for port in (*unlogged, *additive) if (p := pulses(problem, start, port, spans))]
     proposed += [p for port in additive if (p := step_offset(problem, start, port, spans))]
 
-    def weight(proposal: Proposal) -> float:
+    def weight(proposal: Loads) -> float:
         return proposal.gain * (thresholds.UNLOGGED if proposal.port in unlogged else 1.0)
 
     above = start.chi2 - problem.samples

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import joblib
-
 import cobot_joint
+from cobot_joint.diagnosis.archive import save
+from cobot_joint.diagnosis.basis import of_campaign
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.conditioning import ChannelQuality, condition
 from cobot_joint.diagnosis.findings import Diagnosis
@@ -45,14 +45,14 @@ def diagnose_campaign(
     """
     say = progress or (lambda words: None)
     systems = {setup: load_system(path) for setup, path in campaign.setups.items()}
-    store = Store(out / ".work", basis(campaign, systems))
+    store = Store(out / ".work", of_campaign(campaign, systems))
     diagnosis = engine(baseline)(campaign, progress=progress, store=store)
     say("repairing")
     repair(diagnosis.to_json(), systems, out)
     say("comparing")
     quality = condition(campaign)
     if discrepancy := getattr(diagnosis, "discrepancy", None):
-        write_atomically(out / DISCREPANCY, lambda file: joblib.dump(discrepancy, file))
+        write_atomically(out / DISCREPANCY, lambda file: save(file, discrepancy, DISCREPANCY))
     calibrated, courses = diagnosis.parameters("calibrated"), diagnosis.courses()
     compared = compare_systems(campaign, campaign.recordings, out, calibrated, courses)
     diagnosis.channels = channels(compared, quality)
@@ -90,16 +90,6 @@ def engine(baseline: str | None) -> Callable[..., Diagnosis]:
     if baseline not in BASELINES:
         raise UserError(f"--baseline {baseline!r} is given, {among(BASELINES)} is allowed")
     return BASELINES[baseline]
-
-
-def basis(campaign: Campaign, systems: Mapping[str, System]) -> dict[str, Any]:
-    """What every kept result depends on. Held-out runs are not among it: they are never fitted."""
-    return {
-        "version": cobot_joint.__version__,
-        "units": {c.name: (c.unit.directory.name, dict(c.parameters)) for c in components(systems)},
-        "recordings": [(r.name, r.setup, r.time, r.inputs, r.outputs, r.initial) for r in campaign.train],
-        "tolerances": campaign.tolerances,
-    }
 
 
 def channels(compared: Sequence[Comparison], quality: Mapping[str, ChannelQuality]) -> dict[str, dict[str, Any]]:

@@ -11,6 +11,7 @@ import sys
 import time
 from pathlib import Path
 
+import joblib
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
@@ -21,6 +22,7 @@ from typer.testing import CliRunner
 from cobot_joint.diagnosis import commands, run
 from cobot_joint.diagnosis.data.campaign import Campaign, load_campaign
 from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.evaluation.baselines import Discrepancy, DiscrepancyDiagnosis, Process
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.plant.simulator import Simulator
 from cobot_joint.diagnosis.repair.verify import verify
@@ -162,6 +164,52 @@ def test_the_repaired_system_is_rebuilt_from_the_answer_alone(
     assert (tmp_path / "there/repaired.ssp").read_bytes() == (tmp_path / "here/repaired.ssp").read_bytes()
 
 
+class Evil:
+    """What a pickle could carry: creating a file when it is read."""
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+
+    def __reduce__(self) -> tuple:
+        return (Path.touch, (self.file,))
+
+
+@pytest.mark.parametrize("name", ["discrepancy.joblib", "discrepancy.npz", ".work/calibrated-0.joblib"])
+def test_verify_executes_nothing_that_lies_in_the_folder(
+    campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setattr(run, "engine", knows(explained()))
+    run.diagnose_campaign(load_campaign(campaign_file), tmp_path / "d")
+    (tmp_path / "d" / name).parent.mkdir(exist_ok=True)
+    joblib.dump(Evil(tmp_path / "harm"), tmp_path / "d" / name)
+    campaign = load_campaign(campaign_file, roles=("holdout",))
+    if name.startswith(".work"):
+        verify(tmp_path / "d", campaign)
+    else:
+        with pytest.raises(UserError, match="run cobot-joint diagnose --baseline again"):
+            verify(tmp_path / "d", campaign)
+    assert not (tmp_path / "harm").exists()
+
+
+def test_a_baseline_s_correction_of_the_outputs_is_kept_and_verified(
+    campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A process of one far sample with no weight: an offset of each speed, wherever."""
+    one = np.zeros(1)
+    shift = Process(one, one + 1, one + 1, 1.0, np.full((1, 1), 1e3), one, offset=2.0, gain=1.0)
+    corrected = DiscrepancyDiagnosis(
+        "undecided", [], {}, {}, discrepancy=Discrepancy(("v_command",), {"w_motor": shift})
+    )
+    outputs = {}
+    for name, diagnosis in (("plain", Diagnosis("undecided", [], {}, {})), ("corrected", corrected)):
+        monkeypatch.setattr(run, "engine", knows(diagnosis))
+        run.diagnose_campaign(load_campaign(campaign_file), tmp_path / name)
+        verify(tmp_path / name, load_campaign(campaign_file, roles=("holdout",)))
+        table = pa.parquet.read_table(tmp_path / name / "verify.parquet")
+        outputs[name] = table["w_motor.repaired [rad/s]"].to_numpy()
+    assert np.allclose(outputs["corrected"], outputs["plain"] + 2.0, rtol=0, atol=1e-9)
+
+
 def test_verify_writes_what_anyone_can_recompute(
     campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -257,7 +305,7 @@ def test_a_diagnosis_that_is_killed_goes_on_and_says_the_same(tmp_path: Path) ->
         return subprocess.Popen(call, stdout=subprocess.DEVNULL)
 
     killed, work = start("killed"), tmp_path / "killed/.work"
-    while killed.poll() is None and not list(work.glob("*.joblib")):
+    while killed.poll() is None and not list(work.glob("*.npz")):
         time.sleep(0.05)
     killed.kill()
     killed.wait()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -39,11 +40,17 @@ def test_a_stage_that_is_interrupted_leaves_nothing_behind(tmp_path: Path) -> No
     assert Store(tmp_path, 1).remember("fit", 0.0, lambda: "whole") == "whole"
 
 
-def test_a_damaged_file_is_computed_again(tmp_path: Path) -> None:
-    Store(tmp_path, 1).remember("fit", 0.0, lambda: np.arange(1000.0))
+@pytest.mark.parametrize("change", [lambda b: b[:100], lambda b: b.replace(b"old", b"new"), lambda b: b"\x80\x04."])
+def test_a_damaged_or_tampered_file_is_computed_again_with_a_message(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, change: Callable[[bytes], bytes]
+) -> None:
+    Store(tmp_path, 1).remember("fit", 0.0, lambda: "old")
     (file,) = tmp_path.iterdir()
-    file.write_bytes(file.read_bytes()[:100])
+    file.write_bytes(change(file.read_bytes()))
     assert Store(tmp_path, 1).remember("fit", 0.0, lambda: "whole") == "whole"
+    assert f"{file}: it cannot be read" in caplog.text or "its checksum does not match" in caplog.text
+    assert "'fit' is computed again" in caplog.text
+    assert Store(tmp_path, 1).remember("fit", 0.0, lambda: "not called") == "whole"
 
 
 def test_a_store_without_a_folder_keeps_nothing() -> None:

@@ -6,13 +6,13 @@ import json
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import joblib
 import numpy as np
 import pyarrow.parquet
 from numpy.typing import NDArray
 
+from cobot_joint.diagnosis.archive import DamagedError, load
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.conditioning import condition
 from cobot_joint.diagnosis.data.recording import Recording
@@ -27,8 +27,11 @@ from cobot_joint.errors import UserError
 from cobot_joint.system.model import System
 from cobot_joint.system.read import load_system
 
+if TYPE_CHECKING:
+    from cobot_joint.diagnosis.evaluation.baselines import Discrepancy
+
 Courses = Mapping[str, Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]]  # recording -> port -> (t, value)
-DISCREPANCY = "discrepancy.joblib"  # of a baseline that corrects outputs instead of the system
+DISCREPANCY = "discrepancy.npz"  # of a baseline that corrects outputs instead of the system
 
 
 def verify(folder: Path, campaign: Campaign) -> dict[str, Any]:
@@ -79,9 +82,29 @@ def compare_systems(
             "calibrated": stack.enter_context(Simulator(nominal, calibrated)),
             "repaired": acted_on(stack.enter_context(FmuPlant(repaired_systems(campaign, folder))), courses or {}),
         }
-        if (folder / DISCREPANCY).is_file():
-            simulators["repaired"] = joblib.load(folder / DISCREPANCY).around(simulators["repaired"])
+        if (discrepancy := read_discrepancy(folder)) is not None:
+            simulators["repaired"] = discrepancy.around(simulators["repaired"])
         return compare(recordings, simulators)
+
+
+def read_discrepancy(folder: Path) -> Discrepancy | None:
+    """What a baseline left there, or None. UserError: it is damaged, or a pickle, which nobody should read."""
+    from cobot_joint.diagnosis.evaluation.baselines import Discrepancy
+
+    path = folder / DISCREPANCY
+    if (old := path.with_suffix(".joblib")).is_file() and not path.is_file():
+        raise UserError(
+            f"{old}: a pickle is given, {DISCREPANCY} is allowed; run cobot-joint diagnose --baseline again"
+        )
+    try:
+        found = load(path, DISCREPANCY)
+    except FileNotFoundError:
+        return None
+    except DamagedError as error:
+        raise UserError(f"{path}: {error}; run cobot-joint diagnose --baseline again") from error
+    if not isinstance(found, Discrepancy):
+        raise UserError(f"{path}: holds no discrepancy; run cobot-joint diagnose --baseline again")
+    return found
 
 
 def acted_on(plant: FmuPlant, courses: Courses) -> Simulate:

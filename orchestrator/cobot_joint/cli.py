@@ -72,13 +72,14 @@ def export(
     system: Annotated[str, typer.Option(help="A shipped system by name, or an .ssd or .ssp file.")] = "joint",
 ) -> None:
     """The units as FMUs, and the system as one .ssp, for other simulators."""
-    from cobot_joint.system import load_system, write_ssp
+    from cobot_joint.system import fmu_names, load_system, write_ssp
 
     loaded = load_system(system)
     folder(out)
-    for fmu in dict.fromkeys(component.unit.path for component in loaded.components):
-        (out / fmu.name).write_bytes(fmu.read_bytes())
-        console.print(out / fmu.name)
+    names = fmu_names(loaded)
+    for name, path in {names[c.name]: c.unit.path for c in loaded.components}.items():
+        (out / name).write_bytes(path.read_bytes())
+        console.print(out / name)
     console.print(write_ssp(loaded, out / f"{loaded.name}.ssp"))
 
 

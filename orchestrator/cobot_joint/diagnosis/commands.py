@@ -120,6 +120,7 @@ def verify(
     loaded = load_campaign(campaign, roles=("holdout",))
     content = run(folder, loaded)
     units = {name: unit for recording in loaded.recordings for name, unit in recording.units.items()}
+    console.print(f"repaired system: {escape(content['system'])}", soft_wrap=True)
     console.print(_figures("rms of recording - simulation, held-out runs", content["channels"], units))
     for name in ("verify.json", "verify.parquet"):
         console.print(folder / name, soft_wrap=True)

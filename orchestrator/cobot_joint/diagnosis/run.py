@@ -15,7 +15,7 @@ from cobot_joint.diagnosis.data.conditioning import ChannelQuality, condition
 from cobot_joint.diagnosis.findings import Diagnosis
 from cobot_joint.diagnosis.repair.compare import Comparison, channel_figures
 from cobot_joint.diagnosis.repair.repair import repair
-from cobot_joint.diagnosis.repair.verify import DISCREPANCY, compare_systems, write_json
+from cobot_joint.diagnosis.repair.verify import DISCREPANCY, compare_systems, exported, write_json
 from cobot_joint.diagnosis.report.report import ReportData, TermText, verdict_sentence, write_report
 from cobot_joint.diagnosis.store import Store, write_atomically
 from cobot_joint.errors import UserError, among
@@ -56,7 +56,7 @@ def diagnose_campaign(
     calibrated, courses = diagnosis.parameters("calibrated"), diagnosis.courses()
     compared = compare_systems(campaign, campaign.recordings, out, calibrated, courses)
     diagnosis.channels = channels(compared, quality)
-    content = diagnosis.to_json()
+    content = diagnosis.to_json() | {"exported": exported(out, campaign.setups)}
     say("reporting")
     texts = term_texts(systems)
     nominal = nominal_values(systems, [*diagnosis.calibrated, *campaign.tolerances])

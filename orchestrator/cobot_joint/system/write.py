@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 import tempfile
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Hashable, Iterable, Mapping
+from itertools import chain, count
 from pathlib import Path
 
 from fmpy.model_description import BaseUnit
@@ -33,12 +35,9 @@ def write_ssv(component: Component, path: Path) -> Path:
 
 def write_ssp(system: System, path: Path) -> Path:
     """Description and FMUs in one archive that any SSP importer takes. Same system, same bytes."""
-    files: dict[str, Path] = {}
-    for component in system.components:
-        name = component.unit.path.name
-        if files.setdefault(name, component.unit.path) != component.unit.path:
-            raise UserError(f"{path}: two different FMUs are called {name}: {files[name]} and {component.unit.path}")
-    sources = {c.name: f"resources/{c.unit.path.name}" for c in system.components}
+    names = fmu_names(system)
+    files = {names[c.name]: c.unit.path for c in system.components}
+    sources = {name: f"resources/{file}" for name, file in names.items()}
     handle, partial = tempfile.mkstemp(dir=path.parent, suffix=".ssp")
     os.close(handle)
     try:
@@ -51,6 +50,26 @@ def write_ssp(system: System, path: Path) -> Path:
     finally:
         Path(partial).unlink(missing_ok=True)
     return path
+
+
+def fmu_names(system: System) -> dict[str, str]:
+    """Component -> its FMU's file name in one folder: its own, and the component's too where another has taken that."""
+    wanted = [(c.unit.directory, c.unit.path.stem, c.name) for c in system.components]
+    return dict(zip((c.name for c in system.components), file_names(wanted), strict=True))
+
+
+def file_names(wanted: Iterable[tuple[Hashable, str, str]], suffix: str = ".fmu") -> list[str]:
+    """Names for (what a file holds, how to call it, what tells it from others called so): equal content, one name.
+
+    Also on file systems that do not tell A from a; what may not stand in a file's name becomes _.
+    """
+    holds: dict[str, Hashable] = {}
+    found = []
+    for content, name, other in wanted:
+        stem, further = (re.sub(r"[^\w.-]", "_", text).lstrip(".") or "_" for text in (name, other))
+        stems = chain([stem, f"{stem}_{further}"], (f"{stem}_{further}_{k}" for k in count(2)))
+        found.append(next(s for s in stems if holds.setdefault(s.casefold(), content) == content) + suffix)
+    return found
 
 
 def describe(system: System, sources: Mapping[str, str]) -> bytes:

@@ -25,10 +25,12 @@ from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.evaluation.baselines import Discrepancy, DiscrepancyDiagnosis, Process
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.plant.simulator import Simulator
+from cobot_joint.diagnosis.repair.export import repaired_system
 from cobot_joint.diagnosis.repair.verify import verify
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.errors import UserError
 from cobot_joint.system.read import load_system
+from cobot_joint.system.write import write_ssp
 
 R, A, ONSET = 0.215, 2e-3, 1.0
 CONCEALED = {"motor_bldc.winding.R": R, "motor_bldc.cogging.A": A}
@@ -160,8 +162,29 @@ def test_the_repaired_system_is_rebuilt_from_the_answer_alone(
     (tmp_path / "there").mkdir()
     (tmp_path / "there/diagnosis.json").write_bytes((tmp_path / "here/diagnosis.json").read_bytes())
     campaign = load_campaign(campaign_file, roles=("holdout",))
-    assert verify(tmp_path / "there", campaign) == verify(tmp_path / "here", campaign)
+    there, here = verify(tmp_path / "there", campaign), verify(tmp_path / "here", campaign)
+    assert there["channels"] == here["channels"]
+    assert (there["system"], here["system"]) == ("built from diagnosis.json", "repaired.ssp, repaired_no_load.ssp")
     assert (tmp_path / "there/repaired.ssp").read_bytes() == (tmp_path / "here/repaired.ssp").read_bytes()
+
+
+def test_a_wrong_export_does_not_pass(campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """diagnosis.json is right, the exported system lacks the cogging, or one of its units."""
+    monkeypatch.setattr(run, "engine", knows(explained()))
+    run.diagnose_campaign(load_campaign(campaign_file), tmp_path)
+    campaign = load_campaign(campaign_file, roles=("holdout",))
+    right = verify(tmp_path, campaign)
+    calibrated = repaired_system(load_system("joint_logged"), {"motor_bldc.winding.R": R}, tmp_path / "wrong")
+    write_ssp(calibrated, tmp_path / "repaired.ssp")
+    wrong = verify(tmp_path, campaign)
+    assert wrong["system"] == "repaired.ssp, repaired_no_load.ssp, changed since diagnose wrote it"
+    assert wrong["channels"]["w_motor"]["repaired"] > 1.1 * right["channels"]["w_motor"]["repaired"]
+    assert wrong["channels"]["w_motor"]["repaired"] == pytest.approx(
+        wrong["channels"]["w_motor"]["calibrated"], rel=1e-3
+    )
+    (tmp_path / "repaired.ssp").unlink()
+    with pytest.raises(UserError, match=r"repaired\.ssp': there is none"):
+        verify(tmp_path, campaign)
 
 
 class Evil:

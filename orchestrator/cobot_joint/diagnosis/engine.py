@@ -26,7 +26,6 @@ from cobot_joint.diagnosis.selection.stepwise import SETTLED, Named, Namer, prun
 from cobot_joint.diagnosis.selection.unmodelled import Unlisted, look_for_unlisted
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.errors import UserError, among
-from cobot_joint.system.read import load_system
 
 Progress = Callable[[str], None]
 MOST_NAMES = 4  # that one finding may carry
@@ -49,7 +48,7 @@ def diagnose(campaign: Campaign, *, progress: Progress | None = None, store: Sto
 
     progress: called with what is being done, in words. store: stages finished by an earlier call are taken from it.
     """
-    systems = {setup: load_system(path) for setup, path in campaign.setups.items()}
+    systems = campaign.systems()
     with FmuPlant(systems) as plant:
         return diagnose_plant(campaign, plant, progress=progress, store=store)
 

@@ -14,7 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.diagnosis.data.campaign import Alternative, CampaignFile, FrequencyExperiment, read_campaign_file
+from cobot_joint.diagnosis.data.campaign import (
+    Alternative,
+    CampaignFile,
+    FrequencyExperiment,
+    read_campaign_file,
+    system_connectors,
+)
+from cobot_joint.diagnosis.data.check import check
+from cobot_joint.diagnosis.data.parameters import with_values
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.fit import Active, Fit, Hypothesis, difference, fit, tolerances
 from cobot_joint.diagnosis.estimation.problem import SMOOTH, Noise, Problem, Run
@@ -22,10 +30,9 @@ from cobot_joint.diagnosis.findings import Candidate, Diagnosis, Finding
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import Parameter, Port, Signals, SimulationError, TermCandidate
 from cobot_joint.diagnosis.store import Store
-from cobot_joint.errors import UserError
-from cobot_joint.system.model import System
-from cobot_joint.system.parameters import with_parameters
-from cobot_joint.system.read import load_system
+from cobot_joint.errors import UserError, among
+from cobot_joint.system.model import System, Value
+from cobot_joint.system.read import find_system, load_system
 
 CHANNEL = "ln amplitude"
 ROWS = 400  # recorded per period, about
@@ -175,13 +182,26 @@ def load_response(path: Path) -> Response:
     if len(given.recording) != 1:
         raise UserError(f"{path}: {len(given.recording)} [[recording]] are given, one table is allowed")
     file = path.parent / given.system if given.system.endswith((".ssd", ".ssp")) else given.system
-    system = with_parameters(load_system(file), given.frequency_response.parameters, f"{path}: frequency_response")
+    system = with_values({"default": load_system(file)}, given.parameters, f"{path}: [parameters]")["default"]
+    check(str(path), given, {"default": system}, {"default": system_connectors(find_system(file))})
+    system = _read_as(system, given.frequency_response.parameters, f"{path}: frequency_response")
+    for alternative in given.alternative:
+        _read_as(system, alternative.parameters, f"{path}: alternative {alternative.name!r}")
+    experiment = given.frequency_response
+    for key, name, ends in (("input", experiment.input, system.inputs), ("output", experiment.output, system.outputs)):
+        if name not in ends:
+            raise UserError(f"{path}: frequency_response.{key}: {name!r} is given, {among(ends)} is allowed")
     table = path.parent / given.recording[0].file
     omega, amplitude = read_amplitudes(table)
     recording = Recording(
         table.stem, "train", "default", omega, {}, {CHANNEL: np.log(amplitude)}, {CHANNEL: "1"}, path=table
     )
     return Response(path, given, given.frequency_response, system, recording, scatter(omega, amplitude))
+
+
+def _read_as(system: System, values: Mapping[str, Value | str], where: str) -> System:
+    """The system under one reading of the experiment."""
+    return with_values({"default": system}, values, where)["default"]
 
 
 def diagnose_response(
@@ -216,7 +236,7 @@ def diagnose_response(
 @contextmanager
 def _problems(response: Response, alternative: Alternative) -> Iterator[tuple[Problem, Problem]]:
     """All frequencies, and those that cost little."""
-    system = with_parameters(response.system, alternative.parameters, f"{response.path}: {alternative.name}")
+    system = _read_as(response.system, alternative.parameters, f"{response.path}: {alternative.name}")
     noise = {CHANNEL: Noise(response.noise)}
     with FrequencyPlant(system, response.experiment, response.recording.time) as plant:
         every = by_frequency(response.recording)

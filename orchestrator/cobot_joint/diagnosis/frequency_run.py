@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 import cobot_joint
 from cobot_joint.diagnosis.basis import of_response
+from cobot_joint.diagnosis.data.parameters import with_values
 from cobot_joint.diagnosis.frequency import CHANNEL, Progress, Reading, Response, diagnose_response, load_response
 from cobot_joint.diagnosis.repair.export import write_repair
 from cobot_joint.diagnosis.repair.verify import write_json
@@ -19,7 +20,6 @@ from cobot_joint.diagnosis.run import Outcome, term_texts
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.results import write_csv
 from cobot_joint.scenario.figures import Curve, Panel, draw
-from cobot_joint.system.parameters import with_parameters
 
 Vector = NDArray[np.float64]
 
@@ -30,8 +30,8 @@ def diagnose_response_campaign(path: Path, out: Path, *, progress: Progress | No
     store = Store(out / ".work", of_response(response))
     diagnosis, readings = diagnose_response(response, store, progress)
     best = min(readings, key=lambda r: r.repaired.chi2)
-    system = with_parameters(response.system, best.alternative.parameters, str(response.path))
-    write_repair({"default": system}, diagnosis.parameters("repaired"), out)
+    systems = with_values({"default": response.system}, best.alternative.parameters, str(response.path))
+    write_repair(systems, diagnosis.parameters("repaired"), out)
     diagnosis.channels = {
         CHANNEL: {
             "noise": response.noise,

@@ -20,7 +20,6 @@ from cobot_joint.diagnosis.report.report import ReportData, TermText, verdict_se
 from cobot_joint.diagnosis.store import Store, write_atomically
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import System
-from cobot_joint.system.read import load_system
 
 TRIED = 8  # candidates that a report lists
 Progress = Callable[[str], None]  # what is being done, in words
@@ -44,7 +43,7 @@ def diagnose_campaign(
     Stages that an earlier, interrupted call finished are taken from OUT/.work.
     """
     say = progress or (lambda words: None)
-    systems = {setup: load_system(path) for setup, path in campaign.setups.items()}
+    systems = campaign.systems()
     store = Store(out / ".work", of_campaign(campaign, systems))
     diagnosis = engine(baseline)(campaign, progress=progress, store=store)
     say("repairing")
@@ -138,4 +137,4 @@ def provenance(campaign: Campaign, systems: Mapping[str, System], baseline: str 
         "tool": f"cobot-joint {cobot_joint.__version__}" + (f", baseline {baseline}" if baseline else ""),
         "campaign": f"{campaign.title}: {', '.join(r.name for r in campaign.recordings)}",
         "units": ", ".join(f"{c.name} {c.unit.description.guid}" for c in components(systems)),
-    }
+    } | ({"parameters": ", ".join(f"{n} = {x}" for n, x in campaign.parameters.items())} if campaign.parameters else {})

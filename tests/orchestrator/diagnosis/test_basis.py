@@ -76,7 +76,7 @@ def key(folder: Path) -> str:
     """What the stages of the campaign are kept under."""
     basis.program.cache_clear()
     campaign = load_campaign(folder)
-    return fingerprint(of_campaign(campaign, {s: load_system(p) for s, p in campaign.setups.items()}))
+    return fingerprint(of_campaign(campaign, campaign.systems()))
 
 
 def edit(file: str, old: str, new: str) -> Callable[[Path], None]:
@@ -113,6 +113,7 @@ EDITS = {
     "converter": edit("campaign.toml", "step = 0.01", "step = 0.02"),
     "terms": edit("campaign.toml", '["motor_bldc.cogging"]', "[]"),
     "tolerance": edit("campaign.toml", "20 %", "25 %"),
+    "nominal value": edit("campaign.toml", "[channels]", '[parameters]\n"motor_bldc.winding.R" = 0.3\n[channels]'),
     "start value": edit("campaign.toml", "1.0 }", "1.5 }"),
     "role": edit("campaign.toml", 'role = "holdout"', 'role = "train"'),
     "window": edit("campaign.toml", 'file = "run.parquet"', 'file = "run.parquet"\nend = 0.04'),
@@ -183,8 +184,8 @@ file = "table.csv"
 
 @pytest.mark.parametrize(
     ("old", "new"),
-    [("0.3", "0.4"), ("20 %", "25 %"), ('"one"', '"one"\nterm = "motor_bldc.cogging"'), ("joint_no_load", "joint"),
-     ('"w_motor"', '"w_motor"\nsettle = 1.0'), ('"w_motor"', '"w_motor"\nparameters = { "motor_bldc.w" = 0.3 }')],
+    [("0.3", "0.4"), ("20 %", "25 %"), ('"one"', '"one"\nterm = "a.b"'), ("joint_no_load", "joint"),
+     ('"w_motor"', '"w_motor"\nsettle = 1.0'), ('"w_motor"', '"w_motor"\nparameters = { "motor_bldc.winding.R" = 1 }')],
 )  # fmt: skip
 def test_what_is_edited_of_a_frequency_response_makes_another_key(tmp_path: Path, old: str, new: str) -> None:
     (tmp_path / "table.csv").write_text("omega,amplitude\n" + "".join(f"{w},{1 / w}\n" for w in range(1, 20)))

@@ -139,6 +139,40 @@ def test_the_files_of_a_diagnosis_are_there_and_agree(
             assert channel[variant] == pytest.approx(content["channels"][name]["holdout"][variant])
 
 
+@pytest.fixture
+def other_machine(tmp_path: Path) -> Path:
+    """The bench with another gearhead and thicker grease, which its campaign says."""
+    machine = {"planetary_gear.ratio.N": 66.0, "motor_bldc.friction.d": 9e-6}
+    text = 'system = "joint"\n[parameters]\n"planetary_gear.ratio.N" = 66\n"motor_bldc.friction.d" = "9 uN.m.s/rad"\n'
+    for seed, role in enumerate(("train", "holdout")):
+        record(tmp_path, role, "loaded", seed, machine | CONCEALED)
+        text += f'[[recording]]\nfile = "{role}.parquet"\nsetup = "loaded"\nrole = "{role}"\n'
+    (tmp_path / "campaign.toml").write_text(text)
+    return tmp_path / "campaign.toml"
+
+
+def test_this_machine_s_parameters_are_in_every_result(
+    other_machine: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run, "engine", knows(explained()))
+    outcome = run.diagnose_campaign(load_campaign(other_machine), tmp_path / "d")
+    exported = load_system(tmp_path / "d/repaired.ssp")
+    expected = {"planetary_gear.ratio.N": 66.0, "motor_bldc.friction.d": 9e-6, "motor_bldc.winding.R": R}
+    for name, value in expected.items():
+        component, variable = name.split(".", 1)
+        assert float(exported.component(component).unit.variables[variable].start) == value
+    told = "planetary_gear.ratio.N = 66.0, motor_bldc.friction.d = 9 uN.m.s/rad"
+    assert told in (tmp_path / "d/report.html").read_text()
+    assert outcome.diagnosis["channels"]["w_motor"]["train"]["repaired"] == pytest.approx(NOISE["w_motor"], rel=0.1)
+    (tmp_path / "alone").mkdir()
+    (tmp_path / "alone/diagnosis.json").write_bytes((tmp_path / "d/diagnosis.json").read_bytes())
+    for folder in ("d", "alone"):
+        figures = verify(tmp_path / folder, load_campaign(other_machine, roles=("holdout",)))["channels"]
+        assert figures["tau_sensor"]["repaired"] == pytest.approx(NOISE["tau_sensor"], rel=0.1)
+        assert figures["w_motor"]["repaired"] == pytest.approx(NOISE["w_motor"], rel=0.1)
+        assert figures["w_motor"]["nominal"] > 1.1 * NOISE["w_motor"]
+
+
 @pytest.mark.parametrize("formula", [True, False])
 def test_an_unlisted_effect_becomes_a_unit_on_the_port(
     campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, formula: bool

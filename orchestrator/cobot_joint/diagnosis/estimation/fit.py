@@ -355,9 +355,12 @@ def promised(found: Fit) -> float:
 
 
 def tolerances(problem: Problem, bounds: Mapping[str, tuple[float, float]]) -> tuple[Free, ...]:
-    """Base parameters that a diagnosis may re-fit."""
+    """Base parameters that a diagnosis may re-fit, as far as their units allow it."""
+    parameters = problem.plant.parameters
+    found = [Free(p, max(low, p.lower), min(high, p.upper)) for p, (low, high) in
+             ((parameters[name], both) for name, both in bounds.items())]  # fmt: skip
     return tuple(
-        Free(problem.plant.parameters[name], low, high)
-        for name, (low, high) in bounds.items()
-        if any(problem.plant.has(name, recording) for recording in problem.recordings)
+        free
+        for free in found
+        if free.lower < free.upper and any(problem.plant.has(free.parameter.name, r) for r in problem.recordings)
     )

@@ -21,7 +21,6 @@ from cobot_joint.diagnosis.plant.plant import SimulationError
 from cobot_joint.diagnosis.plant.simulator import Simulator
 from cobot_joint.diagnosis.repair.compare import Simulator as Simulate
 from cobot_joint.diagnosis.store import Store
-from cobot_joint.system.read import load_system
 
 if TYPE_CHECKING:
     from sklearn.gaussian_process import GaussianProcessRegressor
@@ -94,7 +93,7 @@ def gaussian_process(campaign: Campaign, *, progress: Any = None, store: Store |
     values = {name: estimate.value for name, estimate in calibrated.items()}
     if progress:
         progress("Gaussian process")
-    with Simulator({setup: load_system(path) for setup, path in campaign.setups.items()}, values) as simulate:
+    with Simulator(campaign.systems(), values) as simulate:
         pairs = [(recording, dict(simulate(recording))) for recording in campaign.train]
     discrepancy = store.remember("gp", values, lambda: _processes(pairs))
     verdict = "nothing_missing" if healthy else "undecided"
@@ -120,7 +119,7 @@ def calibrate(campaign: Campaign, progress: Any, store: Store | None) -> tuple[d
 
 
 def _calibrate(campaign: Campaign) -> tuple[dict[str, Estimate], bool]:
-    with FmuPlant({setup: load_system(path) for setup, path in campaign.setups.items()}) as plant:
+    with FmuPlant(campaign.systems()) as plant:
         problem = Problem(plant, campaign.train, noises(campaign))
         bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
         found = fit(problem, Hypothesis(tolerances(problem, bounds)), settled=10.0, roughly=CONVERGED)

@@ -50,7 +50,7 @@ def verify(folder: Path, campaign: Campaign) -> dict[str, Any]:
     files = ssp_files(campaign.setups).values()
     kept = [file for file in files if (folder / file).is_file()]
     if not kept:  # of a proof, only the description is kept
-        repair(diagnosis, {setup: load_system(path) for setup, path in campaign.setups.items()}, folder)
+        repair(diagnosis, campaign.systems(), folder)
     system = ", ".join(files) if kept else "built from diagnosis.json"
     if kept and exported(folder, campaign.setups) != diagnosis.get("exported", exported(folder, campaign.setups)):
         system += ", changed since diagnose wrote it"
@@ -86,7 +86,7 @@ def compare_systems(
     """Recordings beside the system as specified, as re-fitted, and as repaired: the last are the SSP files of the
     folder, in the recordings of `courses` with what acted on the machine then.
     """
-    nominal = {setup: load_system(path) for setup, path in campaign.setups.items()}
+    nominal = campaign.systems()
     with ExitStack() as stack:
         simulators: dict[str, Simulate] = {
             "nominal": stack.enter_context(Simulator(nominal)),

@@ -17,8 +17,9 @@ from cobot_joint.diagnosis.repair.compare import Comparison, channel_figures
 from cobot_joint.diagnosis.repair.repair import repair
 from cobot_joint.diagnosis.repair.verify import DISCREPANCY, compare_systems, exported, write_json
 from cobot_joint.diagnosis.report.report import ReportData, TermText, verdict_sentence, write_report
-from cobot_joint.diagnosis.store import Store, write_atomically
+from cobot_joint.diagnosis.store import Store
 from cobot_joint.errors import UserError, among
+from cobot_joint.files import write_atomically
 from cobot_joint.system.model import System
 
 TRIED = 8  # candidates that a report lists

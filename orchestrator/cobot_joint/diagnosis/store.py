@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import logging
-import os
 import shutil
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -13,6 +11,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 
 from cobot_joint.diagnosis.archive import DamagedError, fingerprint, load, save
+from cobot_joint.files import write_atomically
 
 T = TypeVar("T")
 log = logging.getLogger("cobot_joint")
@@ -53,20 +52,6 @@ class Store:
         """Forget everything: the answer is written, and what it went through takes more room than all the rest."""
         if self.folder is not None:
             shutil.rmtree(self.folder, ignore_errors=True)
-
-
-def write_atomically(path: Path, write: Callable[[Path], Any]) -> None:
-    """`write(file)` to a neighbour of `path` that then takes its name: a reader finds all of it or nothing."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    os.close(handle)
-    neighbour = Path(name)
-    try:
-        write(neighbour)
-        neighbour.chmod(0o644)
-        neighbour.replace(path)
-    finally:
-        neighbour.unlink(missing_ok=True)
 
 
 def plain(value: Any) -> Any:

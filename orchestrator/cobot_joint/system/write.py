@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import tempfile
 import zipfile
 from collections.abc import Hashable, Iterable, Mapping
 from itertools import chain, count
@@ -15,6 +13,7 @@ from lxml import etree
 
 from cobot_joint import xml
 from cobot_joint.errors import UserError
+from cobot_joint.files import write_atomically
 from cobot_joint.system.model import Component, Connection, Connector, System, Value
 from cobot_joint.system.read import COUPLING, NS
 from cobot_joint.system.wiring import EXPONENTS, Wiring, check, conversion, port_type
@@ -22,14 +21,16 @@ from cobot_joint.system.wiring import EXPONENTS, Wiring, check, conversion, port
 
 def write_ssd(system: System, path: Path) -> Path:
     """The description alone; component sources as the system has them."""
-    _replace(path, describe(system, {c.name: c.source for c in system.components}))
+    text = describe(system, {c.name: c.source for c in system.components})
+    write_atomically(path, lambda file: file.write_bytes(text))
     return path
 
 
 def write_ssv(component: Component, path: Path) -> Path:
     """The parameters that a system sets on a component, as a parameter set."""
     root = _parameter_set(component)
-    _replace(path, _text(root, "SystemStructureParameterValues", path))
+    text = _text(root, "SystemStructureParameterValues", path)
+    write_atomically(path, lambda file: file.write_bytes(text))
     return path
 
 
@@ -38,17 +39,15 @@ def write_ssp(system: System, path: Path) -> Path:
     names = fmu_names(system)
     files = {names[c.name]: c.unit.path for c in system.components}
     sources = {name: f"resources/{file}" for name, file in names.items()}
-    handle, partial = tempfile.mkstemp(dir=path.parent, suffix=".ssp")
-    os.close(handle)
-    try:
-        with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
-            archive.writestr(zipfile.ZipInfo("SystemStructure.ssd"), describe(system, sources))
+    description = describe(system, sources)
+
+    def write(file: Path) -> None:
+        with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr(zipfile.ZipInfo("SystemStructure.ssd"), description)
             for name, fmu in files.items():
                 archive.writestr(zipfile.ZipInfo(f"resources/{name}"), fmu.read_bytes())
-        Path(partial).chmod(0o644)
-        Path(partial).replace(path)
-    finally:
-        Path(partial).unlink(missing_ok=True)
+
+    write_atomically(path, write)
     return path
 
 
@@ -212,9 +211,3 @@ def _tag(prefix: str, name: str) -> str:
 
 def _number(value: Value) -> str:
     return repr(float(value))
-
-
-def _replace(path: Path, text: bytes) -> None:
-    partial = path.with_name(f".{path.name}.partial")
-    partial.write_bytes(text)
-    partial.replace(path)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cobot_joint.diagnosis.store import Store, plain, write_atomically
+from cobot_joint.diagnosis.store import Store, plain
 
 
 def test_a_finished_stage_is_not_computed_again_by_a_later_store(tmp_path: Path) -> None:
@@ -56,19 +56,6 @@ def test_a_damaged_or_tampered_file_is_computed_again_with_a_message(
 def test_a_store_without_a_folder_keeps_nothing() -> None:
     count = iter(range(2))
     assert [Store(None).remember("fit", 0, lambda: next(count)) for _ in range(2)] == [0, 1]
-
-
-def test_a_write_that_fails_keeps_the_old_file(tmp_path: Path) -> None:
-    (tmp_path / "a.json").write_text("old")
-
-    def half(file: Path) -> None:
-        file.write_text("ne")
-        raise OSError("disk full")
-
-    with pytest.raises(OSError, match="disk full"):
-        write_atomically(tmp_path / "a.json", half)
-    assert (tmp_path / "a.json").read_text() == "old"
-    assert len(list(tmp_path.iterdir())) == 1
 
 
 def test_numbers_become_plain_json() -> None:

@@ -12,8 +12,8 @@ from pathlib import Path
 from lxml import etree
 
 from cobot_joint import xml
-from cobot_joint.diagnosis.store import write_atomically
 from cobot_joint.errors import UserError
+from cobot_joint.files import write_atomically
 from cobot_joint.system.model import Component, Connection, System, Value
 from cobot_joint.system.parameters import checked, split
 from cobot_joint.system.write import file_names, write_ssp

@@ -24,8 +24,9 @@ from cobot_joint.diagnosis.repair.compare import Comparison, channel_figures, co
 from cobot_joint.diagnosis.repair.compare import Simulator as Simulate
 from cobot_joint.diagnosis.repair.export import ssp_files
 from cobot_joint.diagnosis.repair.repair import repair
-from cobot_joint.diagnosis.store import plain, write_atomically
+from cobot_joint.diagnosis.store import plain
 from cobot_joint.errors import UserError
+from cobot_joint.files import write_atomically
 from cobot_joint.system.model import System
 from cobot_joint.system.read import load_system
 

@@ -16,7 +16,7 @@ from cobot_joint.diagnosis.data.conditioning import ChannelQuality
 from cobot_joint.diagnosis.repair.compare import Comparison
 from cobot_joint.diagnosis.report import pictures
 from cobot_joint.diagnosis.report.localization_pictures import located_pictures
-from cobot_joint.diagnosis.store import write_atomically
+from cobot_joint.files import write_atomically
 
 
 @dataclass(frozen=True)

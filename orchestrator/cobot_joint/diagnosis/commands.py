@@ -24,6 +24,8 @@ from rich.progress import (
 from rich.table import Table
 
 from cobot_joint.errors import UserError
+from cobot_joint.files import results_folder, writable
+from cobot_joint.interrupts import resumable
 
 console = Console()
 if not console.is_terminal:
@@ -67,8 +69,8 @@ def diagnose(
         _diagnose_response(campaign, out)
         return
     loaded = load_campaign(campaign)
-    folder = _folder(out or loaded.path.parent / "diagnosis")
-    with _stages() as progress:
+    folder = results_folder(out or loaded.path.parent / "diagnosis")
+    with resumable(), _stages() as progress:
         result = diagnose_campaign(loaded, folder, baseline=baseline, progress=progress)
     for recording in loaded.recordings:
         for note in recording.notes:
@@ -93,8 +95,8 @@ def _diagnose_response(campaign: Path, out: Path | None) -> None:
     from cobot_joint.diagnosis.frequency_run import diagnose_response_campaign
 
     path = campaign / "campaign.toml" if campaign.is_dir() else campaign
-    folder = _folder(out or path.parent / "diagnosis")
-    with _stages() as progress:
+    folder = results_folder(out or path.parent / "diagnosis")
+    with resumable(), _stages() as progress:
         result = diagnose_response_campaign(path, folder, progress=progress)
     console.print(f"\n[bold]{escape(result.sentence)}[/bold]", soft_wrap=True)
     if result.diagnosis["findings"]:
@@ -119,9 +121,11 @@ def verify(
     from cobot_joint.diagnosis.repair.verify import verify as run
 
     read_diagnosis(folder)  # before anything takes time
+    writable(folder)
     loaded = load_campaign(campaign, roles=("holdout",))
     content = run(folder, loaded)
     units = {name: unit for recording in loaded.recordings for name, unit in recording.units.items()}
+    console.print(f"repaired system: {escape(content['system'])}", soft_wrap=True)
     console.print(_figures("rms of recording - simulation, held-out runs", content["channels"], units))
     for name in ("verify.json", "verify.parquet"):
         console.print(folder / name, soft_wrap=True)
@@ -143,11 +147,11 @@ def prove(
     from cobot_joint.diagnosis.evaluation.prove import prove as run
 
     if out is not None:
-        _folder(out)
+        results_folder(out)
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
     stderr = Console(stderr=True)
     bar = Progress(*columns, TimeRemainingColumn(), console=stderr, transient=True, disable=not stderr.is_terminal)
-    with bar:
+    with resumable(), bar:
         task = bar.add_task("cases", total=len(cases_of(folder)))
 
         def done(result: CaseResult) -> None:
@@ -250,12 +254,3 @@ class _Lines:
         if stage != self.stage or now - self.last > self.PAUSE:
             self.stage, self.last = stage, now
             print(f"{now:5.0f} s  {words}", file=sys.stderr, flush=True)
-
-
-def _folder(path: Path) -> Path:
-    """The folder, made where it is missing. UserError: it cannot be."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--out {path}: a folder that can be written is needed: {error.strerror}") from error
-    return path

@@ -29,7 +29,6 @@ from cobot_joint.diagnosis.selection.stepwise import SETTLED, Selected, Selectio
 from cobot_joint.diagnosis.selection.unmodelled import Unmodelled, look_for_unmodelled
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.errors import UserError, among
-from cobot_joint.system.read import load_system
 
 Progress = Callable[[str], None]
 CALIBRATION = Precision(settled=10.0, roughly=SETTLED, jacobians=8)
@@ -51,7 +50,7 @@ def diagnose(campaign: Campaign, *, progress: Progress | None = None, store: Sto
 
     progress: called with what is being done, in words. store: stages finished by an earlier call are taken from it.
     """
-    systems = {setup: load_system(path) for setup, path in campaign.setups.items()}
+    systems = campaign.systems()
     with FmuPlant(systems) as plant:
         return diagnose_plant(campaign, plant, progress=progress, store=store)
 

@@ -163,7 +163,7 @@ class Diagnosis:
 
     `calibrated`: base parameters fitted inside their tolerances with nothing added ("before"). `repaired`: every value
     that the repaired system has other than nominal, base parameters and terms ("after"). `structure`: what the
-    residual's slow structure has above noise, before and after.
+    residual's slow structure has above noise, before and after. `repair`: withheld where it does not predict.
     """
 
     verdict: Verdict
@@ -175,6 +175,7 @@ class Diagnosis:
     located: dict[str, Any] = field(default_factory=dict)  # where the difference lies, before it is named
     advice: list[Advice] = field(default_factory=list)  # what to record next
     structure: dict[str, float] = field(default_factory=dict)
+    repair: Literal["offered", "withheld"] = "offered"
     seconds: float = 0.0
 
     def parameters(self, variant: Literal["nominal", "calibrated", "repaired"]) -> dict[str, float]:
@@ -202,6 +203,7 @@ class Diagnosis:
                 "located": self.located,
                 "advice": [asdict(advice) for advice in self.advice],
                 "structure": self.structure,
+                "repair": self.repair,
                 "seconds": self.seconds,
             }
         )

@@ -14,7 +14,15 @@ from numpy.typing import NDArray
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.candidates.score_test import Scan, scores
-from cobot_joint.diagnosis.data.campaign import Alternative, CampaignFile, FrequencyExperiment, read_campaign_file
+from cobot_joint.diagnosis.data.campaign import (
+    Alternative,
+    CampaignFile,
+    FrequencyExperiment,
+    read_campaign_file,
+    system_connectors,
+)
+from cobot_joint.diagnosis.data.check import check
+from cobot_joint.diagnosis.data.parameters import with_values
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit
@@ -28,10 +36,9 @@ from cobot_joint.diagnosis.plant.frequency_plant import CHANNEL, FrequencyPlant,
 from cobot_joint.diagnosis.plant.plant import Parameter, TermCandidate
 from cobot_joint.diagnosis.selection.confidence import confidence
 from cobot_joint.diagnosis.store import Store
-from cobot_joint.errors import UserError
-from cobot_joint.system.model import System
-from cobot_joint.system.parameters import with_parameters
-from cobot_joint.system.read import load_system
+from cobot_joint.errors import UserError, among
+from cobot_joint.system.model import System, Value
+from cobot_joint.system.read import find_system, load_system
 
 BAND = 0.8  # of what a finding takes, that its band holds
 DEGREE = 7  # degree of the polynomial in ln omega from which the data's own scatter is told
@@ -109,13 +116,26 @@ def load_response(path: Path) -> Response:
     if len(given.recording) != 1:
         raise UserError(f"{path}: {len(given.recording)} [[recording]] are given, one table is allowed")
     file = path.parent / given.system if given.system.endswith((".ssd", ".ssp")) else given.system
-    system = with_parameters(load_system(file), given.frequency_response.parameters, f"{path}: frequency_response")
+    system = with_values({"default": load_system(file)}, given.parameters, f"{path}: [parameters]")["default"]
+    check(str(path), given, {"default": system}, {"default": system_connectors(find_system(file))})
+    system = _read_as(system, given.frequency_response.parameters, f"{path}: frequency_response")
+    for alternative in given.alternative:
+        _read_as(system, alternative.parameters, f"{path}: alternative {alternative.name!r}")
+    experiment = given.frequency_response
+    for key, name, ends in (("input", experiment.input, system.inputs), ("output", experiment.output, system.outputs)):
+        if name not in ends:
+            raise UserError(f"{path}: frequency_response.{key}: {name!r} is given, {among(ends)} is allowed")
     table = path.parent / given.recording[0].file
     omega, amplitude = read_amplitudes(table)
     recording = Recording(
         table.stem, "train", "default", omega, {}, {CHANNEL: np.log(amplitude)}, {CHANNEL: "1"}, path=table
     )
     return Response(path, given, given.frequency_response, system, recording, scatter(omega, amplitude))
+
+
+def _read_as(system: System, values: Mapping[str, Value | str], where: str) -> System:
+    """The system under one reading of the experiment."""
+    return with_values({"default": system}, values, where)["default"]
 
 
 def diagnose_response(
@@ -150,7 +170,7 @@ def diagnose_response(
 @contextmanager
 def _problems(response: Response, alternative: Alternative) -> Iterator[tuple[Problem, Problem]]:
     """All frequencies, and those that cost little."""
-    system = with_parameters(response.system, alternative.parameters, f"{response.path}: {alternative.name}")
+    system = _read_as(response.system, alternative.parameters, f"{response.path}: {alternative.name}")
     noise = {CHANNEL: Noise(response.noise)}
     with FrequencyPlant(system, response.experiment, response.recording.time) as plant:
         every = by_frequency(response.recording)

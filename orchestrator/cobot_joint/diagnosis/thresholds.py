@@ -22,7 +22,7 @@ LEAVES = 0.5  # of the excess before it, that a later term may leave: a patch on
 INEXACT = 3e-5  # of what was taken before, that a later term must take: no form is known to half a percent [naming]
 STILL_NEEDED = 0.02  # of what an earlier term took, that it must take beside a later one [naming]
 LATER = 60.0  # chi-square by which a late onset must beat being there from the start: 16 onsets, two sigma each [count]
-MOST_TERMS = 4  # that one campaign is given; the drawn ones have two at most [count]
+MOST_TERMS = 4  # of a campaign, and features of a formula; drawn campaigns have two at most [count]
 
 # -- what cannot be told apart
 COLLINEAR = 0.9995  # cosine from which on two responses are one: motor and gear friction have 1.000 [naming]
@@ -52,13 +52,13 @@ ENOUGH = 0.97  # of it, from which on no further forms or arguments are tried [n
 TABLE_FREEDOM = 4  # features that a smooth table counts for: its effective degrees of freedom [naming]
 NEAR_PORT = 0.5  # of the best port's gain, from which on a second one is looked at in full [naming]
 FEATURE_WORTH = 0.04  # of the excess, that a further feature must take [naming]
-MOST_FEATURES = 4  # of a formula; an engineer reads no longer one
 
 # -- external loads and step offsets
 BRIEF = 0.1  # of all the time, in which ...
-HELD = 0.9  # ... so much of what is above noise lies, for it to be confined to short times [naming]
+HELD = (
+    0.9  # ... so much of what is above noise lies, for it to be confined to short times; an offset takes that [naming]
+)
 APART = 0.3  # s without a difference, that part one load from the next: a hand takes as long to let go and grip again
-OFFSET_TAKES = 0.9  # of the excess, that a step offset must take, which has two numbers [naming]
 LOADS_TAKE = 0.98  # of it, that load pulses must take, which have five numbers each [naming]
 LIKELY_LOAD = 0.3  # of what is above noise, that a linear step must predict for a fit to be tried [naming]
 CLEAR_LOAD = 0.8  # of it, for a load to be looked for before any term: terms would patch it [naming]
@@ -76,6 +76,13 @@ NOTABLE_CHANGE = 0.25  # of the chi-square per sample: less is no change that an
 UNEVEN = 0.1  # nats of dependence (Kullback and Leibler 1951) from which on a variable is worth naming
 STANDS_OUT = 6.0  # sigma above noise, and times above its neighbours, from which on an order is named
 CHANGE = 10.0  # times ln(windows): penalty of a change point, above the 2 ln n of BIC (Yao 1988): windows are dependent
+
+# -- whether a repair is offered
+NO_WORSE = (
+    1.02  # times the error above noise without it, up to which a repair counts as no worse: the field scorers' rule
+)
+NEGLIGIBLE = 0.05  # of the noise's variance, summed over channels: an error that nobody can see
+WITHHELD = 0.45  # confidence at most of a finding whose repair is withheld: less than even, so no claim
 
 # -- experiments, frequency responses
 SEPARATES = 100.0  # predicted chi-square, ten sigma, from which on an experiment is worth doing

@@ -32,7 +32,8 @@ COUPLING = (
 def load_system(path: Path | str) -> System:
     """The system that an .ssd or .ssp file, or the name of a shipped one (`joint`), describes.
 
-    FMUs are taken beside the file, else by file name from the shipped units. Components keep the file's order.
+    FMUs of an .ssp are those in it; of an .ssd those beside it, else by file name the shipped units. Components keep
+    the file's order.
     UserError: the file or what it names is missing or wrong; one line that says what, what is allowed and where.
     """
     path = find_system(path)
@@ -123,7 +124,10 @@ class _Reader:
         if element.get("implementation", "any") == "ModelExchange":
             raise UserError(f"{where}: ModelExchange is asked for, CoSimulation is allowed")
         source = element.get("source", "")
-        unit = load_unit(find_fmu(self._relative(source, where), self.base))
+        file = self._relative(source, where)
+        if self.path.suffix == ".ssp" and not (self.base / file).is_file():  # another one of that name may differ
+            raise UserError(f"{where}: source {source!r} is given, the archive holds no such FMU")
+        unit = load_unit(find_fmu(file, self.base))
         component = Component(name, source, unit)
         values = list(self._values(element, where))
         component = self._with_values(component, values, prefixed=False)

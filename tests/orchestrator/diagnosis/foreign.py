@@ -19,7 +19,6 @@ from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import Plant
 from cobot_joint.diagnosis.repair.export import Correction, with_correction
 from cobot_joint.system.model import System
-from cobot_joint.system.read import load_system
 
 SPREAD = 0.5  # of a healthy parameter, 1 sigma over its tolerance
 
@@ -52,7 +51,7 @@ def conceal(
     SimulationError: parameters and effect together cannot be simulated.
     """
     correction = foreign.correction()
-    systems = {s: _with(load_system(path), correction, folder) for s, path in campaign.setups.items()}
+    systems = {s: _with(system, correction, folder) for s, system in campaign.systems().items()}
     with FmuPlant(systems) as plant:
         values = _healthy(campaign, plant, rng)
         recordings = [replace(r, outputs=_logged(campaign, plant, r, values, rng, colour)) for r in campaign.recordings]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import tomllib
 from dataclasses import dataclass, field
@@ -11,8 +12,11 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from cobot_joint import paths
+from cobot_joint.diagnosis.data.check import check
+from cobot_joint.diagnosis.data.parameters import run_values, with_values
 from cobot_joint.diagnosis.data.recording import Connector, Recording, Role, read_recording
 from cobot_joint.errors import UserError, among
+from cobot_joint.system.model import System
 from cobot_joint.system.read import load_system
 
 
@@ -34,20 +38,17 @@ class Tolerance:
 def _tolerance(given: Any) -> Tolerance:
     if isinstance(given, Tolerance):
         return given
-    if isinstance(given, str) and (percent := re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*%\s*", given)):
+    percent = re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*%\s*", given) if isinstance(given, str) else None
+    if percent and float(percent[1]) > 0:
         return Tolerance(relative=float(percent[1]) / 100)
-    if (
-        isinstance(given, list)
-        and len(given) == 2
-        and all(isinstance(v, (int, float)) for v in given)
-        and given[0] < given[1]
-    ):
+    numbers = isinstance(given, list) and len(given) == 2 and all(type(v) in (int, float) for v in given)
+    if numbers and -math.inf < given[0] < given[1] < math.inf:
         return Tolerance(between=(float(given[0]), float(given[1])))
-    raise ValueError(f'{given!r} is given, "20 %" or [lower, upper] is allowed')
+    raise ValueError(f'{given!r} is given, "20 %" (more than 0 %) or [lower, upper] is allowed')
 
 
 class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
+    model_config = ConfigDict(extra="forbid", arbitrary_types_allowed=True, strict=True, allow_inf_nan=False)
 
 
 class Logged(_Model):
@@ -55,14 +56,17 @@ class Logged(_Model):
 
     unit: str
     causality: Literal["input", "output"]
-    noise: float | None = None  # 1 sigma
+    noise: Annotated[float, Field(gt=0)] | None = None  # 1 sigma
     colour: Annotated[float, Field(ge=0, lt=1)] | None = None  # correlation from sample to sample; None: as recorded
-    step: float | None = None  # of the converter
-    range: float | None = None  # +-
+    step: Annotated[float, Field(ge=0)] | None = None  # of the converter
+    range: Annotated[float, Field(gt=0)] | None = None  # +-
     setups: list[str] | None = None  # where it exists; None: in all
 
 
 First = Annotated[str, Field(pattern=r"^first sample( of .+)?$")]  # of the channel of the same name, or of another
+
+
+Values = dict[str, float | bool | str]  # `component.parameter` -> number, choice or quantity
 
 
 class RecordingEntry(_Model):
@@ -72,6 +76,7 @@ class RecordingEntry(_Model):
     setup: str | None = None
     role: Role = "train"
     initial: dict[str, float | First] = Field(default_factory=dict)
+    parameters: Values = Field(default_factory=dict)  # of the system in this run: a gain that was changed between runs
     time: str | None = None  # the clock's column, where it has an unusual name
     begin: float | None = None  # s on the file's clock: what lies before is left out
     end: float | None = None
@@ -82,7 +87,7 @@ class Alternative(_Model):
     """A reading of an experiment whose description leaves something open: each is diagnosed, the best is the answer."""
 
     name: str
-    parameters: dict[str, float | str] = Field(default_factory=dict)
+    parameters: Values = Field(default_factory=dict)
     term: str | None = None  # what it is a finding of, where it is not the first reading that holds
 
 
@@ -93,7 +98,7 @@ class FrequencyExperiment(_Model):
     amplitude: Annotated[float, Field(gt=0)]  # in the input's unit
     output: str  # whose half swing after settling was measured
     settle: Annotated[float, Field(ge=0)] = 2.0  # s
-    parameters: dict[str, float | str] = Field(default_factory=dict)  # of the experiment, not of the system
+    parameters: Values = Field(default_factory=dict)  # of the experiment, not of the system
 
 
 class CampaignFile(_Model):
@@ -102,6 +107,7 @@ class CampaignFile(_Model):
     title: str = "untitled"
     system: str = "joint"
     setups: dict[str, str] = Field(default_factory=dict)  # set-up -> its .ssd or .ssp
+    parameters: Values = Field(default_factory=dict)  # nominal values of this machine, in place of the system's
     channels: dict[str, str] = Field(default_factory=dict)  # column -> connector
     tolerances: dict[str, Annotated[Tolerance, BeforeValidator(_tolerance)]] = Field(default_factory=dict)
     logged: dict[str, Logged] = Field(default_factory=dict)
@@ -127,6 +133,12 @@ class Campaign:
     recordings: list[Recording]
     notes: list[str] = field(default_factory=list)
     terms: list[str] = field(default_factory=list)  # to look at; empty: all
+    parameters: Values = field(default_factory=dict)  # nominal values of this machine, as given
+
+    def systems(self) -> dict[str, System]:
+        """Set-up -> its system with this machine's nominal values. UserError: one cannot be loaded or set."""
+        systems = {setup: load_system(path) for setup, path in self.setups.items()}
+        return with_values(systems, self.parameters, f"{self.path}: [parameters]")
 
     @property
     def train(self) -> list[Recording]:
@@ -163,7 +175,14 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
     defaults, setups = _system(path, given)
     logged = defaults.logged | given.logged
     channels = given.channels or defaults.channels
-    recordings = []
+    parameters = defaults.parameters | given.parameters
+    campaign = Campaign(
+        given.title, path, given.system, setups, channels, defaults.tolerances | given.tolerances, logged, [],
+        terms=given.terms, parameters=parameters,
+    )  # fmt: skip
+    systems = campaign.systems()
+    check(str(path), given, systems, {setup: system_connectors(file) for setup, file in setups.items()})
+    recordings = campaign.recordings
     for entry in given.recording:
         setup = entry.setup or next(iter(setups))
         if setup not in setups:
@@ -186,6 +205,7 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
                 late=entry.late,
             )
         )
+        recordings[-1].initial |= run_values(entry.parameters, systems[setup], f"{path}: recording {entry.file!r}")
     for recording, entry in zip(recordings, [e for e in given.recording if e.role in roles], strict=True):
         if entry.begin is not None or entry.end is not None:  # two windows of one file
             recording.name += f" from {recording.time[0]:.4g} s to {recording.time[-1]:.4g} s"
@@ -193,10 +213,7 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
     for recording in recordings:  # a.csv beside a.parquet
         if names.count(recording.name) > 1 and recording.path:
             recording.name = recording.path.name
-    return Campaign(
-        given.title, path, given.system, setups, channels, defaults.tolerances | given.tolerances, logged, recordings,
-        terms=given.terms,
-    )  # fmt: skip
+    return campaign
 
 
 def holdouts(path: Path) -> list[Path]:
@@ -234,15 +251,15 @@ def read_campaign_file(path: Path) -> CampaignFile:
 
 def _first(error: ValidationError) -> str:
     """The first finding of pydantic, in one line."""
-    finding = error.errors()[0]
+    finding = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")  # misspelt explains missing
     where = ".".join(str(part) for part in finding["loc"])
     if finding["type"] == "extra_forbidden":
-        parent: Any = CampaignFile
-        if finding["loc"][0] == "recording":
-            parent = RecordingEntry
-        elif finding["loc"][0] == "logged":
-            parent = Logged
+        tables = {"recording": RecordingEntry, "logged": Logged, "alternative": Alternative}
+        tables["frequency_response"] = FrequencyExperiment
+        parent: Any = tables.get(str(finding["loc"][0]), CampaignFile) if len(finding["loc"]) > 1 else CampaignFile
         return f"{where}: no such key, allowed are {', '.join(parent.model_fields)}"
+    if finding["type"] == "missing":
+        return f"{where}: missing"
     message = finding["msg"].removeprefix("Value error, ")
     return f"{where}: {message}" if "is given" in message else f"{where}: {finding['input']!r} is given; {message}"
 

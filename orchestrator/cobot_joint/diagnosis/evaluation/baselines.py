@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.recording import Recording
@@ -21,7 +22,10 @@ from cobot_joint.diagnosis.plant.plant import SimulationError
 from cobot_joint.diagnosis.plant.simulator import Simulator
 from cobot_joint.diagnosis.repair.compare import Simulator as Simulate
 from cobot_joint.diagnosis.store import Store
-from cobot_joint.system.read import load_system
+
+if TYPE_CHECKING:
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.preprocessing import StandardScaler
 
 SAMPLES = 500  # that a Gaussian process is fitted to: its cost grows with their cube
 CONVERGED = Precision(settled=10.0, roughly=0.003)
@@ -36,11 +40,32 @@ class DiscrepancyDiagnosis(Diagnosis):
 
 
 @dataclass(frozen=True)
+class Process:
+    """A fitted Gaussian process's mean over d signals, from n samples (Rasmussen and Williams 2006, eq. 2.25, 5.1)."""
+
+    mean: NDArray[np.float64]  # of each signal, (d,)
+    scale: NDArray[np.float64]  # (d,)
+    lengths: NDArray[np.float64]  # of the kernel, in scaled signals, (d,)
+    variance: float  # of the kernel
+    samples: NDArray[np.float64]  # scaled, (n, d)
+    weights: NDArray[np.float64]  # (K + sigma^2 I)^-1 y, (n,)
+    offset: float  # of y
+    gain: float
+
+    def __call__(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Its mean at z (m, d): (m,)."""
+        # k(u, v) = variance*exp(-|(u - v)/lengths|^2/2);  f(u) = offset + gain*sum_j k(u, u_j) weights_j
+        u = (z - self.mean) / self.scale / self.lengths
+        kernel = self.variance * np.exp(-0.5 * cdist(u, self.samples / self.lengths, "sqeuclidean"))
+        return np.asarray(self.offset + self.gain * (kernel @ self.weights))
+
+
+@dataclass(frozen=True)
 class Discrepancy:
     """recording - simulation as a function of inputs and simulated outputs at the same time, per channel."""
 
     signals: tuple[str, ...]
-    models: Mapping[str, Any]  # channel -> fitted regressor
+    models: Mapping[str, Process]  # by channel
 
     def around(self, simulate: Simulate) -> Simulate:
         """The simulator with the discrepancy added."""
@@ -48,9 +73,7 @@ class Discrepancy:
         def corrected(recording: Recording) -> Mapping[str, NDArray[np.float64]]:
             simulated = dict(simulate(recording))
             z = local_signals(self.signals, recording, simulated)
-            return {
-                name: y + (self.models[name].predict(z) if name in self.models else 0) for name, y in simulated.items()
-            }
+            return {name: y + (self.models[name](z) if name in self.models else 0) for name, y in simulated.items()}
 
         return corrected
 
@@ -71,7 +94,7 @@ def gaussian_process(campaign: Campaign, *, progress: Any = None, store: Store |
     values = {name: estimate.value for name, estimate in calibrated.items()}
     if progress:
         progress("Gaussian process")
-    with Simulator({setup: load_system(path) for setup, path in campaign.setups.items()}, values) as simulate:
+    with Simulator(campaign.systems(), values) as simulate:
         pairs = [(recording, dict(simulate(recording))) for recording in campaign.train]
     discrepancy = store.remember("gp", values, lambda: _processes(pairs))
     verdict = "nothing_missing" if healthy else "undecided"
@@ -97,7 +120,7 @@ def calibrate(campaign: Campaign, progress: Any, store: Store | None) -> tuple[d
 
 
 def _calibrate(campaign: Campaign) -> tuple[dict[str, Estimate], bool]:
-    with FmuPlant({setup: load_system(path) for setup, path in campaign.setups.items()}) as plant:
+    with FmuPlant(campaign.systems()) as plant:
         problem = Problem(plant, campaign.train, noises(campaign))
         bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
         found = fit(problem, Hypothesis(tolerances(problem, bounds)), precision=CONVERGED)
@@ -118,7 +141,6 @@ def local_signals(
 def _processes(pairs: list[tuple[Recording, dict[str, NDArray[np.float64]]]]) -> Discrepancy:
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
-    from sklearn.pipeline import make_pipeline
     from sklearn.preprocessing import StandardScaler
 
     signals = tuple(dict.fromkeys(name for recording, _ in pairs for name in (*recording.inputs, *recording.outputs)))
@@ -131,6 +153,23 @@ def _processes(pairs: list[tuple[Recording, dict[str, NDArray[np.float64]]]]) ->
         known = np.flatnonzero(np.isfinite(rest))
         chosen = rng.choice(known, min(SAMPLES, len(known)), replace=False)
         kernel = ConstantKernel() * RBF(np.ones(len(signals)), (1e-2, 1e3)) + WhiteKernel()
+        scaler = StandardScaler().fit(z[chosen])
         process = GaussianProcessRegressor(kernel, normalize_y=True, random_state=0)
-        models[channel] = make_pipeline(StandardScaler(), process).fit(z[chosen], rest[chosen])
+        process.fit(scaler.transform(z[chosen]), rest[chosen])
+        models[channel] = _plain(scaler, process)
     return Discrepancy(signals, models)
+
+
+def _plain(scaler: StandardScaler, process: GaussianProcessRegressor) -> Process:
+    """The numbers that scikit-learn's objects hold."""
+    covariance = process.kernel_.k1  # beside the noise: variance * RBF
+    return Process(
+        mean=scaler.mean_,
+        scale=scaler.scale_,
+        lengths=np.atleast_1d(covariance.k2.length_scale),
+        variance=float(covariance.k1.constant_value),
+        samples=process.X_train_,
+        weights=process.alpha_,
+        offset=float(process._y_train_mean),
+        gain=float(process._y_train_std),
+    )

@@ -14,10 +14,11 @@ import numpy as np
 
 from cobot_joint.diagnosis.data.conditioning import ChannelQuality
 from cobot_joint.diagnosis.repair.compare import Comparison
+from cobot_joint.diagnosis.repair.gate import removed
 from cobot_joint.diagnosis.report import pictures
 from cobot_joint.diagnosis.report.localization_pictures import located_pictures
 from cobot_joint.diagnosis.report.words import pulses
-from cobot_joint.diagnosis.store import write_atomically
+from cobot_joint.files import write_atomically
 
 
 @dataclass(frozen=True)
@@ -87,6 +88,10 @@ def verdict_sentence(d: Mapping[str, Any], terms: Mapping[str, TermText]) -> str
         return "Nothing is missing: inside its tolerances the system explains these recordings down to the noise."
     if not findings:
         return "The recordings differ from the system by more than noise and tolerances, and no explanation stands out."
+    if d.get("repair") == "withheld":
+        return (
+            f"Undecided: {_suspects(findings, terms)} fits these runs, but predicts no better: the repair is withheld."
+        )
     named = [f for f in findings if not f.get("shape")]
     parts = [f"{_title(f['term'], terms)} in {f['component']} ({percent(f.get('confidence'))} sure)" for f in named]
     others = [
@@ -101,19 +106,16 @@ def verdict_sentence(d: Mapping[str, Any], terms: Mapping[str, TermText]) -> str
     return f"The model lacks {' and '.join(parts + others)}{tail}."
 
 
+def _suspects(findings: Sequence[Mapping[str, Any]], terms: Mapping[str, TermText]) -> str:
+    """Titles and places, without a claim."""
+    titles = ["an effect that is on no list" if f.get("shape") else _title(f["term"], terms) for f in findings]
+    return " and ".join(f"{title} in {f['component']}" for title, f in zip(titles, findings, strict=True))
+
+
 def improvement(d: Mapping[str, Any]) -> tuple[float, str] | None:
-    """Share of the squared error above noise that the repair removes from the calibrated system, and on which runs;
-    None: nothing to remove.
-    """
-    for role, words in (("holdout", ", in runs that it has not seen"), ("train", "")):
-        before = after = 0.0
-        for c in d["channels"].values():
-            if role in c and c["noise"]:
-                before += max(0.0, (c[role]["calibrated"] / c["noise"]) ** 2 - 1)
-                after += max(0.0, (c[role]["repaired"] / c["noise"]) ** 2 - 1)
-        if before > 0.05:
-            return 1 - after / before, words
-    return None
+    """Share of the squared error above noise that the repair removes, and in which runs, in words; None: none to say."""
+    found = removed(d["channels"])
+    return found and (found[0], {"holdout": ", in runs that it has not seen", "train": ""}[found[1]])
 
 
 def number(x: float | None, digits: int = 3) -> str:

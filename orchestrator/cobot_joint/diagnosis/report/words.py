@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.repair.gate import calibration_misleads
 from cobot_joint.diagnosis.report import localization_words
 
 Json = Mapping[str, Any]
@@ -90,6 +91,15 @@ def _advice(a: Json) -> str:
 
 def notes(content: Json) -> list[str]:
     """What has to be said beside the verdict."""
+    said = []
+    if calibration_misleads(content["channels"]):
+        said.append("the re-fitted base model predicts held-out runs worse than the system as specified")
+    if content["repair"] == "withheld":
+        said.append("what was found does not predict held-out runs better than the system without it")
+    return said + _unexplained(content)
+
+
+def _unexplained(content: Json) -> list[str]:
     structure = content["structure"]
     if content["verdict"] == "undecided" and not content["findings"]:
         return ["the recordings differ from the re-fitted base model, and nothing that was tried explains how"]

@@ -114,7 +114,7 @@ def _beside(problem: Problem, listed: Selection, select: Select, say: Say) -> Un
     if not offset:
         best, selected = _with_terms(problem, best, selected, select, say)
     answer = _answer(problem, start, best, selected, port)
-    return answer if answer.taken > (thresholds.OFFSET_TAKES if offset else thresholds.LOADS_TAKE) else None
+    return answer if answer.taken > (thresholds.HELD if offset else thresholds.LOADS_TAKE) else None
 
 
 def _best(problem: Problem, start: Fit, spans: Spans, say: Say) -> tuple[Fit, Port] | None:

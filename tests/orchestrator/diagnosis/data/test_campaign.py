@@ -57,8 +57,8 @@ def test_connectors_are_those_of_the_system_and_of_its_components(axis: Path) ->
     [
         (
             ("[[recording]]", "[[recordings]]"),
-            "recordings: no such key, allowed are title, system, setups, channels, tolerances, logged, terms, "
-            "frequency_response, alternative, recording",
+            "recordings: no such key, allowed are title, system, setups, parameters, channels, tolerances, logged, "
+            "terms, frequency_response, alternative, recording",
         ),
         (('file = "run.csv"', 'file = "gone.csv"'), "gone.csv: there is no such file"),
         (
@@ -66,7 +66,10 @@ def test_connectors_are_those_of_the_system_and_of_its_components(axis: Path) ->
             "recording.0.role: 'test' is given; Input should be 'train' or 'holdout'",
         ),
         (('file = "run.csv"', 'file = "run.csv"\nsetup = "hot"'), "setup 'hot' is given, default is allowed"),
-        (('"20 %"', '"20"'), "tolerances.axis.friction.d: '20' is given, \"20 %\" or [lower, upper] is allowed"),
+        (
+            ('"20 %"', '"20"'),
+            "tolerances.axis.friction.d: '20' is given, \"20 %\" (more than 0 %) or [lower, upper] is",
+        ),
         (('"axis.s"\n', '"axis.x"\n'), "'axis.x': axis.ssd has no such connector, it has u, axis.s, axis.F, axis.u"),
         (('"axis.ssd"', '"exo.ssd"'), "system 'exo.ssd': there is no"),
         (('"axis.ssd"', '"exo"'), "system 'exo' is given, joint or an .ssp or .ssd file is allowed"),

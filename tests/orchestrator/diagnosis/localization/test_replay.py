@@ -96,7 +96,7 @@ def test_the_report_shows_part_by_part_what_is_off_and_when() -> None:
     compared = [Comparison(r, dict.fromkeys(VARIANTS, run)) for r, run in zip(problem.recordings, runs, strict=True)]
     channels = {name: {"noise": sigma, "train": dict.fromkeys(VARIANTS, sigma)} for name, sigma in NOISE.items()}
     content = {"verdict": "undecided", "findings": [], "channels": channels, "calibrated": {}, "repaired": {}}
-    content = spoken(content | {"located": found, "advice": [], "structure": {}})
+    content = spoken(content | {"located": found, "advice": [], "structure": {}, "repair": "offered"})
     text = render(ReportData("friction", content, compared, {n: assess(runs[0][n]) for n in NOISE}, UNITS))
     for part in ("Part by part", "By operating condition", "When: loaded", "When: no_load", "cannot be replayed alone"):
         assert part in text

@@ -89,9 +89,7 @@ def verdict_sentence(d: Mapping[str, Any], terms: Mapping[str, TermText]) -> str
     if not findings:
         return "The recordings differ from the system by more than noise and tolerances, and no explanation stands out."
     if d.get("repair") == "withheld":
-        return (
-            f"Undecided: {_suspects(findings, terms)} fits these runs, but predicts no better: the repair is withheld."
-        )
+        return f"Undecided: {_suspects(findings, terms)} fits, but does not predict: the repair is withheld."
     named = [f for f in findings if not f.get("shape")]
     parts = [f"{_title(f['term'], terms)} in {f['component']} ({percent(f.get('confidence'))} sure)" for f in named]
     others = [

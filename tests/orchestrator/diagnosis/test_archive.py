@@ -41,7 +41,7 @@ class Evil:
 def explanation() -> Explanation:
     """A stage as the engine keeps it: nested, with one fit in several places."""
     shape = ScannedShape("m.cogging.n", (1.0, 2.0), 1.0, 8.0, whole=True)
-    term = TermCandidate("m.cogging", "t", "e", "m.cogging.A", 0.0, -1.0, np.inf, "N.m", (shape,), "m.cogging.phi_0")
+    term = TermCandidate("m.cogging", "m.cogging.A", 0.0, -1.0, np.inf, "N.m", (shape,), "m.cogging.phi_0")
     base = BaseParameter(Parameter("m.R", 0.2, "Ohm", 0.0, np.inf), 0.1, 0.3)
     signal = PortSignal(Port("m.tau_add", "N.m", ("m.w",)), ("1",), ({"run": np.ones(4)},), (0.5,))
     hypothesis = Hypothesis((base,), (ActiveTerm(term, {"m.cogging.A": 1e-3}, 1.5), signal))

@@ -152,8 +152,6 @@ def _term(component: Component, term: Term) -> TermCandidate | None:
     phases = [shape for shape in term.shapes if shape.scan == "phase"]
     return TermCandidate(
         name=f"{component.name}.{term.name}",
-        title=term.title,
-        equation=term.equation,
         amplitude=f"{component.name}.{amplitude}",
         neutral=term.neutral,
         lower=-np.inf if lower is None else lower,

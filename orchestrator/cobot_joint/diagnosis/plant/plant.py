@@ -64,8 +64,6 @@ class TermCandidate:
     """A switched-off term. With a `phase`, amplitude*sin(.. + phase) makes a pair that is linear in its two parts."""
 
     name: str  # component.term
-    title: str
-    equation: str
     amplitude: str
     neutral: float
     lower: float

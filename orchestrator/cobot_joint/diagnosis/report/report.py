@@ -111,7 +111,7 @@ def _suspects(findings: Sequence[Mapping[str, Any]], terms: Mapping[str, TermTex
 
 
 def improvement(d: Mapping[str, Any]) -> tuple[float, str] | None:
-    """Share of the squared error above noise that the repair removes, and in which runs, in words; None: none to say."""
+    """Share of the squared error above noise that the repair removes, and in which runs; None: none to say."""
     found = removed(d["channels"])
     return found and (found[0], {"holdout": ", in runs that it has not seen", "train": ""}[found[1]])
 

@@ -15,9 +15,10 @@ from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.conditioning import ChannelQuality, condition
 from cobot_joint.diagnosis.findings import Diagnosis
 from cobot_joint.diagnosis.repair.compare import Comparison, channel_figures
+from cobot_joint.diagnosis.repair.discrepancy import DISCREPANCY
 from cobot_joint.diagnosis.repair.gate import judged
 from cobot_joint.diagnosis.repair.repair import repair
-from cobot_joint.diagnosis.repair.verify import DISCREPANCY, compare_systems, exported, write_json
+from cobot_joint.diagnosis.repair.verify import compare_systems, exported, write_json
 from cobot_joint.diagnosis.report.report import ReportData, TermText, verdict_sentence, write_report
 from cobot_joint.diagnosis.report.words import spoken
 from cobot_joint.diagnosis.store import Store

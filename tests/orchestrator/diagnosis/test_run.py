@@ -22,10 +22,11 @@ from typer.testing import CliRunner
 from cobot_joint.diagnosis import commands, run
 from cobot_joint.diagnosis.data.campaign import Campaign, load_campaign
 from cobot_joint.diagnosis.data.recording import Recording
-from cobot_joint.diagnosis.evaluation.baselines import Discrepancy, DiscrepancyDiagnosis, Process
+from cobot_joint.diagnosis.evaluation.baselines import DiscrepancyDiagnosis
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.plant.correction import Factor, Product
 from cobot_joint.diagnosis.plant.simulator import Simulator
+from cobot_joint.diagnosis.repair.discrepancy import Discrepancy, Process
 from cobot_joint.diagnosis.repair.export import repaired_system
 from cobot_joint.diagnosis.repair.verify import verify
 from cobot_joint.diagnosis.store import Store

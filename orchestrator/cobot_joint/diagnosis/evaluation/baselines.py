@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.distance import cdist
 
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.recording import Recording
@@ -20,7 +19,7 @@ from cobot_joint.diagnosis.findings import Diagnosis, Estimate
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import SimulationError
 from cobot_joint.diagnosis.plant.simulator import Simulator
-from cobot_joint.diagnosis.repair.compare import Simulator as Simulate
+from cobot_joint.diagnosis.repair.discrepancy import Discrepancy, Process, local_signals
 from cobot_joint.diagnosis.store import Store
 
 if TYPE_CHECKING:
@@ -37,45 +36,6 @@ class DiscrepancyDiagnosis(Diagnosis):
     """A diagnosis whose repair is no physics but a correction of the outputs."""
 
     discrepancy: Discrepancy | None = None
-
-
-@dataclass(frozen=True)
-class Process:
-    """A fitted Gaussian process's mean over d signals, from n samples (Rasmussen and Williams 2006, eq. 2.25, 5.1)."""
-
-    mean: NDArray[np.float64]  # of each signal, (d,)
-    scale: NDArray[np.float64]  # (d,)
-    lengths: NDArray[np.float64]  # of the kernel, in scaled signals, (d,)
-    variance: float  # of the kernel
-    samples: NDArray[np.float64]  # scaled, (n, d)
-    weights: NDArray[np.float64]  # (K + sigma^2 I)^-1 y, (n,)
-    offset: float  # of y
-    gain: float
-
-    def __call__(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Its mean at z (m, d): (m,)."""
-        # k(u, v) = variance*exp(-|(u - v)/lengths|^2/2);  f(u) = offset + gain*sum_j k(u, u_j) weights_j
-        u = (z - self.mean) / self.scale / self.lengths
-        kernel = self.variance * np.exp(-0.5 * cdist(u, self.samples / self.lengths, "sqeuclidean"))
-        return np.asarray(self.offset + self.gain * (kernel @ self.weights))
-
-
-@dataclass(frozen=True)
-class Discrepancy:
-    """recording - simulation as a function of inputs and simulated outputs at the same time, per channel."""
-
-    signals: tuple[str, ...]
-    models: Mapping[str, Process]  # by channel
-
-    def around(self, simulate: Simulate) -> Simulate:
-        """The simulator with the discrepancy added."""
-
-        def corrected(recording: Recording) -> Mapping[str, NDArray[np.float64]]:
-            simulated = dict(simulate(recording))
-            z = local_signals(self.signals, recording, simulated)
-            return {name: y + (self.models[name](z) if name in self.models else 0) for name, y in simulated.items()}
-
-        return corrected
 
 
 def refit(campaign: Campaign, *, progress: Any = None, store: Store | None = None) -> Diagnosis:
@@ -128,14 +88,6 @@ def _calibrate(campaign: Campaign) -> tuple[dict[str, Estimate], bool]:
             raise SimulationError(f"{campaign.title}: the system as specified does not run through these recordings")
         units = {name: parameter.unit for name, parameter in plant.parameters.items()}
         return found.estimates(units), found.chi2 / problem.samples < HEALTHY
-
-
-def local_signals(
-    names: tuple[str, ...], recording: Recording, simulated: Mapping[str, NDArray[np.float64]]
-) -> NDArray[np.float64]:
-    """What a discrepancy may depend on: (n, len(names)); 0 where a set-up has no such signal."""
-    have = {**recording.inputs, **simulated}
-    return np.column_stack([have.get(name, np.zeros(len(recording.time))) for name in names])
 
 
 def _processes(pairs: list[tuple[Recording, dict[str, NDArray[np.float64]]]]) -> Discrepancy:

@@ -7,13 +7,12 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet
 from numpy.typing import NDArray
 
-from cobot_joint.diagnosis.archive import DamagedError, load
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.conditioning import condition
 from cobot_joint.diagnosis.data.recording import Recording
@@ -21,6 +20,7 @@ from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.simulator import Simulator
 from cobot_joint.diagnosis.repair.compare import Comparison, channel_figures, compare, table
 from cobot_joint.diagnosis.repair.compare import Simulator as Simulate
+from cobot_joint.diagnosis.repair.discrepancy import read_discrepancy
 from cobot_joint.diagnosis.repair.export import ssp_files
 from cobot_joint.diagnosis.repair.repair import repair
 from cobot_joint.diagnosis.store import plain, read_object
@@ -29,12 +29,8 @@ from cobot_joint.files import write_atomically
 from cobot_joint.system.model import System
 from cobot_joint.system.read import load_system
 
-if TYPE_CHECKING:
-    from cobot_joint.diagnosis.evaluation.baselines import Discrepancy
-
 History = tuple[NDArray[np.float64], NDArray[np.float64]]  # time, value
 LoadHistories = Mapping[str, Mapping[str, History]]  # recording -> port
-DISCREPANCY = "discrepancy.npz"  # of a baseline that corrects outputs instead of the system
 
 
 def verify(folder: Path, campaign: Campaign) -> dict[str, Any]:
@@ -97,26 +93,6 @@ def compare_systems(
         if (discrepancy := read_discrepancy(folder)) is not None:
             simulators["repaired"] = discrepancy.around(simulators["repaired"])
         return compare(recordings, simulators)
-
-
-def read_discrepancy(folder: Path) -> Discrepancy | None:
-    """What a baseline left there, or None. UserError: it is damaged, or a pickle, which nobody should read."""
-    from cobot_joint.diagnosis.evaluation.baselines import Discrepancy
-
-    path = folder / DISCREPANCY
-    if (old := path.with_suffix(".joblib")).is_file() and not path.is_file():
-        raise UserError(
-            f"{old}: a pickle is given, {DISCREPANCY} is allowed; run cobot-joint diagnose --baseline again"
-        )
-    try:
-        found = load(path, DISCREPANCY)
-    except FileNotFoundError:
-        return None
-    except DamagedError as error:
-        raise UserError(f"{path}: {error}; run cobot-joint diagnose --baseline again") from error
-    if not isinstance(found, Discrepancy):
-        raise UserError(f"{path}: holds no discrepancy; run cobot-joint diagnose --baseline again")
-    return found
 
 
 def acted_on(plant: FmuPlant, loads: LoadHistories) -> Simulate:

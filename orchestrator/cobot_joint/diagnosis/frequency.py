@@ -233,8 +233,14 @@ def choose(base: Fit, fits: Mapping[str, Fit], looked: int) -> tuple[Fit, tuple[
 
 
 def rank(problem: Problem, base: Fit, terms: Sequence[TermCandidate]) -> list[Candidate]:
-    """Every switched-off term by the chi-square that it would take beside a re-fit, best first."""
-    ranked = scores(problem, base, Scan(problem, terms).columns(base))
+    """Every switched-off term by the chi-square that it would take beside a re-fit, best first.
+
+    base: fitted to these frequencies or to more.
+    """
+    here = fit(problem, base.hypothesis, base.x, precision=Precision(steps=0))
+    if here is None:
+        return []
+    ranked = scores(problem, here, Scan(problem, terms).columns(here))
     return [Candidate(s.term.name, s.gain, dict(s.column.shape), None) for s in ranked]
 
 

@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.diagnosis import thresholds
-from cobot_joint.diagnosis.candidates.score_test import Scan, scores
 from cobot_joint.diagnosis.data.campaign import (
     Alternative,
     CampaignFile,
@@ -27,7 +27,7 @@ from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
-from cobot_joint.diagnosis.estimation.least_squares import Precision, fit
+from cobot_joint.diagnosis.estimation.least_squares import Precision, difference, fit
 from cobot_joint.diagnosis.estimation.problem import SMOOTH, Noise, Problem, Run
 from cobot_joint.diagnosis.findings import Candidate, Diagnosis, Finding
 from cobot_joint.diagnosis.localization.conditions import Condition
@@ -43,6 +43,7 @@ from cobot_joint.system.read import find_system, load_system
 BAND = 0.8  # of what a finding takes, that its band holds
 DEGREE = 7  # degree of the polynomial in ln omega from which the data's own scatter is told
 FITTED = 2  # leaders of the score that are fitted
+SEEN = (0.5, 50.0)  # whitened length that a probe of a term should have: seen, and not far from linear
 CALIBRATION = Precision(steps=4)  # on all frequencies, after a fit on those that cost little
 FINISHED = Precision(settled=0.1, steps=8)  # a term and what it stands in for leave a narrow valley
 Vector = NDArray[np.float64]
@@ -233,15 +234,62 @@ def choose(base: Fit, fits: Mapping[str, Fit], looked: int) -> tuple[Fit, tuple[
 
 
 def rank(problem: Problem, base: Fit, terms: Sequence[TermCandidate]) -> list[Candidate]:
-    """Every switched-off term by the chi-square that it would take beside a re-fit, best first.
-
-    base: fitted to these frequencies or to more.
-    """
-    here = fit(problem, base.hypothesis, base.x, precision=Precision(steps=0))
-    if here is None:
+    """Every switched-off term by the chi-square that its trace, base parameters projected out, would take away."""
+    at = problem.simulate([base.run])[0]
+    traces = difference(problem, base.hypothesis, base.x, at) if at is not None else None
+    if at is None or traces is None:
         return []
-    ranked = scores(problem, here, Scan(problem, terms).columns(here))
-    return [Candidate(s.term.name, s.gain, dict(s.column.shape), None) for s in ranked]
+    residual = problem.recorded - at.white
+    basis = np.linalg.svd(traces[:, : len(base.hypothesis.base)], full_matrices=False)[0]
+    found = []
+    for term in terms:
+        best = Candidate(term.name, 0.0, {}, None)
+        size = 1e-3 * (term.upper - term.neutral if np.isfinite(term.upper) else 1.0)
+        for values in _points(term):
+            trace, size = probe(problem, base, term, values, at.white, size)
+            if trace is None:
+                continue
+            trace = trace - basis @ (basis.T @ trace)
+            length, along = float(trace @ trace), float(trace @ residual)
+            if length > 1e-6 and (along > 0 or term.lower < term.neutral):
+                gain = along**2 / length
+                if gain > best.gain:
+                    best = Candidate(term.name, gain, values, None)
+        found.append(best)
+    return sorted(found, key=lambda c: -c.gain)
+
+
+def _points(term: TermCandidate) -> list[dict[str, float]]:
+    """Shape parameters to try; of ripples, which amplitudes average out, the first two orders and one phase."""
+    grids = [(s.name, s.values[:2] if s.whole else s.values) for s in term.shapes]
+    if term.phase:
+        grids.append((term.phase, (0.0,)))
+    return [dict(zip([g[0] for g in grids], point, strict=True)) for point in product(*[g[1] for g in grids])]
+
+
+def probe(
+    problem: Problem, base: Fit, term: TermCandidate, shape: Mapping[str, float], at: Vector, size: float
+) -> tuple[Vector | None, float]:
+    """What a small amplitude of the term adds to the whitened outputs `at`, (rows,), and that amplitude.
+
+    `size`: the one to try first. None: nothing to be seen.
+    """
+    for _ in range(8):
+        if term.neutral + size > term.upper:
+            break
+        values = {**base.run.values, **shape, term.amplitude: term.neutral + size}
+        simulated = problem.simulate([Run(values)])[0]
+        if simulated is None:  # too much of it: nothing moves any more
+            size *= 0.03
+            continue
+        trace = simulated.white - at
+        length = float(np.linalg.norm(trace))
+        if SEEN[0] <= length <= SEEN[1]:
+            return trace, size
+        if length < 1e-9:
+            break
+        size *= min(max(5.0 / length, 1e-3), 100.0)
+    return None, size
 
 
 def _diagnosis(response: Response, best: Reading, readings: Sequence[Reading]) -> Diagnosis:

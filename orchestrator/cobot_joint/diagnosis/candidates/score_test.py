@@ -206,10 +206,7 @@ class Scan:
         found: dict[str, list[float]] = {}
         for term in terms:
             shape = next(s for s in term.shapes if s.whole)
-            if len(shape.values) <= ORDERS:
-                continue
-            if not angles.get(term.component):  # nothing to tell one order from another by
-                found[shape.name] = list(shape.values[:ORDERS])
+            if len(shape.values) <= ORDERS or not angles.get(term.component):
                 continue
             power = np.zeros(len(shape.values))
             for angle in angles[term.component]:

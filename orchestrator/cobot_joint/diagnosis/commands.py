@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import sys
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -212,6 +214,8 @@ def _said(effect: dict[str, Any]) -> str:
 
 
 def _findings(findings: list[dict[str, Any]]) -> Table:
+    from cobot_joint.diagnosis.report.words import load_history
+
     grid = Table(title="findings", title_justify="left", title_style="bold")
     for name in ("term", "sure", "since", "parameters", "could also be"):
         grid.add_column(name)
@@ -219,9 +223,9 @@ def _findings(findings: list[dict[str, Any]]) -> Table:
         values = [f"{name} = {p['value']:.4g} {p['unit']}" for name, p in f["parameters"].items()]
         if f.get("shape"):
             values.append(f"{f['shape']['port']} = {f['shape']['formula'] or 'a table'}")
-        if f.get("course"):
-            values.append(f["words"].split("; ")[0])
-        onset = "at times" if f.get("course") else "start" if f["onset"] is None else f"{f['onset']:.2f} s"
+        if f.get("load_history"):
+            values.append(load_history(f["load_history"]) or "")
+        onset = "at times" if f.get("load_history") else "start" if f["onset"] is None else f"{f['onset']:.2f} s"
         equivalent = ", ".join(f["equivalent"]) or "-"
         grid.add_row(f["term"], f"{100 * f['confidence']:.0f} %", onset, "\n".join(values), equivalent)
     return grid
@@ -239,10 +243,28 @@ def _figures(title: str, channels: dict[str, dict[str, Any]], units: dict[str, s
 
 
 @contextmanager
-def _stages() -> Iterator[Any]:
-    """What is being done, on stderr; a callback of words."""
-    stderr = Console(stderr=True)
+def _stages() -> Iterator[Callable[[str], None]]:
+    """What is being done, on stderr; a callback of words. Without a terminal: a line per stage, with the time."""
+    stderr, begun = Console(stderr=True), time.monotonic()
+    if not stderr.is_terminal:
+        yield _Lines(begun)
+        return
     columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
-    with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
+    with Progress(*columns, console=stderr, transient=True) as bar:
         task = bar.add_task("reading", total=None)
-        yield lambda words: bar.update(task, description=words)
+        yield lambda words: bar.update(task, description=escape(words))
+
+
+class _Lines:
+    """Progress in lines: every stage once, and within one every PAUSE seconds how far it is."""
+
+    PAUSE = 10.0  # s
+
+    def __init__(self, begun: float) -> None:
+        self.begun, self.stage, self.last = begun, "", -self.PAUSE
+
+    def __call__(self, words: str) -> None:
+        now, stage = time.monotonic() - self.begun, words.split(": ")[0]
+        if stage != self.stage or now - self.last > self.PAUSE:
+            self.stage, self.last = stage, now
+            print(f"{now:5.0f} s  {words}", file=sys.stderr, flush=True)

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 import cobot_joint
 from cobot_joint.diagnosis.basis import of_response
 from cobot_joint.diagnosis.data.parameters import with_values
-from cobot_joint.diagnosis.frequency import CHANNEL, Progress, Reading, Response, diagnose_response, load_response
+from cobot_joint.diagnosis.frequency import Progress, Reading, Response, diagnose_response, load_response
+from cobot_joint.diagnosis.plant.frequency_plant import CHANNEL
 from cobot_joint.diagnosis.repair.export import write_repair
 from cobot_joint.diagnosis.repair.verify import write_json
 from cobot_joint.diagnosis.report.report import verdict_sentence
+from cobot_joint.diagnosis.report.words import spoken
 from cobot_joint.diagnosis.run import Outcome, term_texts
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.results import write_csv
@@ -39,7 +41,7 @@ def diagnose_response_campaign(path: Path, out: Path, *, progress: Progress | No
                       "repaired": _rms(best.repaired.residual, response)},
         }
     }  # fmt: skip
-    content = diagnosis.to_json() | {"readings": [_reading(r, response) for r in readings]}
+    content = spoken(diagnosis.to_json()) | {"readings": [_reading(r, response) for r in readings]}
     content["provenance"] = _provenance(response)
     files = _pictures(response, readings, out)
     sentence = verdict_sentence(content, term_texts({"default": response.system}))
@@ -61,7 +63,7 @@ def _reading(reading: Reading, response: Response) -> dict[str, Any]:
         "nominal": reading.nominal,
         "calibrated": _rms(reading.calibrated.residual, response),
         "repaired": _rms(reading.repaired.residual, response),
-        "terms": [active.term.name for active in reading.repaired.hypothesis.active],
+        "terms": [active.term.name for active in reading.repaired.hypothesis.terms],
         "equivalent": list(reading.equivalent),
         "values": dict(values),
         "ranking": [{"term": c.term, "gain": c.gain} for c in reading.ranking[:6]],

@@ -17,6 +17,7 @@ from cobot_joint.diagnosis.repair.compare import Comparison, channel_figures
 from cobot_joint.diagnosis.repair.repair import repair
 from cobot_joint.diagnosis.repair.verify import DISCREPANCY, compare_systems, exported, write_json
 from cobot_joint.diagnosis.report.report import ReportData, TermText, verdict_sentence, write_report
+from cobot_joint.diagnosis.report.words import spoken
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.errors import UserError, among
 from cobot_joint.files import write_atomically
@@ -53,13 +54,13 @@ def diagnose_campaign(
     quality = condition(campaign)
     if discrepancy := getattr(diagnosis, "discrepancy", None):
         write_atomically(out / DISCREPANCY, lambda file: save(file, discrepancy, DISCREPANCY))
-    calibrated, courses = diagnosis.parameters("calibrated"), diagnosis.courses()
-    compared = compare_systems(campaign, campaign.recordings, out, calibrated, courses)
+    calibrated, loads = diagnosis.parameters("calibrated"), diagnosis.load_histories()
+    compared = compare_systems(campaign, campaign.recordings, out, calibrated, loads)
     diagnosis.channels = channels(compared, quality)
-    content = diagnosis.to_json() | {"exported": exported(out, campaign.setups)}
+    content = spoken(diagnosis.to_json()) | {"exported": exported(out, campaign.setups)}
     say("reporting")
     texts = term_texts(systems)
-    nominal = nominal_values(systems, [*diagnosis.calibrated, *campaign.tolerances])
+    nominal = nominal_values(systems, [*diagnosis.repaired, *campaign.tolerances])
     data = ReportData(
         title=campaign.title,
         diagnosis=content,

@@ -24,6 +24,7 @@ from cobot_joint.diagnosis.data.campaign import Campaign, load_campaign
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.evaluation.baselines import Discrepancy, DiscrepancyDiagnosis, Process
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Feature, Finding, Form
+from cobot_joint.diagnosis.plant.correction import Factor, Product
 from cobot_joint.diagnosis.plant.simulator import Simulator
 from cobot_joint.diagnosis.repair.export import repaired_system
 from cobot_joint.diagnosis.repair.verify import verify
@@ -73,6 +74,16 @@ def estimate(value: float, unit: str) -> Estimate:
     return Estimate(value, unit, (0.95 * value, 1.05 * value))
 
 
+WHERE = {
+    "recording": "noload",
+    "channel": "i_motor",
+    "time": [0.0, 1.0],
+    "by_recording": {"noload": 1.0},
+    "by_channel": {"i_motor": 1.0},
+    "by_regime": [],
+}
+
+
 def explained() -> Diagnosis:
     finding = Finding(
         term="motor_bldc.cogging",
@@ -80,12 +91,12 @@ def explained() -> Diagnosis:
         confidence=0.98,
         onset=ONSET,
         parameters={"A": estimate(A, "N.m")},
-        where={"recording": "noload", "regime": "creep"},
+        where=WHERE,
         gain=1e4,
     )
     calibrated = {"motor_bldc.winding.R": estimate(R, "Ohm")}
     repaired = calibrated | {"motor_bldc.cogging.A": estimate(A, "N.m")}
-    return Diagnosis("explained", [finding], calibrated, repaired, onsets={"motor_bldc.cogging.A": ONSET})
+    return Diagnosis("explained", [finding], calibrated, repaired)
 
 
 def unlisted(formula: bool) -> Diagnosis:
@@ -95,13 +106,12 @@ def unlisted(formula: bool) -> Diagnosis:
         port="motor_bldc.tau_add",
         unit="N.m",
         signals=("phi",),
-        formula=f"-0.002*sin({n:g}*phi)" if formula else None,
-        features=(Feature(f"sin({n:g}*phi)", estimate(-A, "N.m")),) if formula else (),
+        features=(Feature(Product((Factor("phi", "sin", n),)), estimate(-A, "N.m")),) if formula else (),
         explains=0.9,
         signal="phi",
         table=None if formula else (np.array([0.0, 1.0]), np.array([0.0, 0.0])),
     )
-    finding = Finding("motor_bldc.unlisted", (), 0.9, ONSET, {}, {"recording": "noload", "regime": "all"}, 1e4, form)
+    finding = Finding("motor_bldc.unlisted", (), 0.9, ONSET, {}, WHERE, 1e4, form)
     calibrated = {"motor_bldc.winding.R": estimate(R, "Ohm")}
     return Diagnosis("unlisted", [finding], calibrated, calibrated)
 
@@ -288,7 +298,7 @@ def test_the_commands_answer_as_promised(campaign_file: Path, tmp_path: Path, mo
     runner = CliRunner()
     answer = runner.invoke(app, ["diagnose", str(campaign_file), "--out", str(tmp_path / "d")])
     assert answer.exit_code == 0, answer.output
-    assert "The system leaves out" in answer.output
+    assert "The model lacks" in answer.output
     assert "held-out runs" in answer.output
     answer = runner.invoke(app, ["verify", str(tmp_path / "d"), str(campaign_file)])
     assert answer.exit_code == 0, answer.output

@@ -13,7 +13,8 @@ from scipy.spatial.distance import cdist
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.engine import noises
-from cobot_joint.diagnosis.estimation.fit import Hypothesis, fit, tolerances
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
+from cobot_joint.diagnosis.estimation.least_squares import Precision, fit
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from sklearn.preprocessing import StandardScaler
 
 SAMPLES = 500  # that a Gaussian process is fitted to: its cost grows with their cube
-CONVERGED = 0.003  # precision of the re-fit, as a share of what is above noise
+CONVERGED = Precision(settled=10.0, roughly=0.003)
 HEALTHY = 1.05  # whitened residual per sample up to which a re-fit says that nothing is missing
 
 
@@ -122,7 +123,7 @@ def _calibrate(campaign: Campaign) -> tuple[dict[str, Estimate], bool]:
     with FmuPlant(campaign.systems()) as plant:
         problem = Problem(plant, campaign.train, noises(campaign))
         bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
-        found = fit(problem, Hypothesis(tolerances(problem, bounds)), settled=10.0, roughly=CONVERGED)
+        found = fit(problem, Hypothesis(tolerances(problem, bounds)), precision=CONVERGED)
         if found is None:
             raise SimulationError(f"{campaign.title}: the system as specified does not run through these recordings")
         units = {name: parameter.unit for name, parameter in plant.parameters.items()}

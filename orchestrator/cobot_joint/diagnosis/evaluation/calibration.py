@@ -78,7 +78,7 @@ def diagnosed(draws: Draws, ks: Sequence[int]) -> list[Row]:
             rng = np.random.default_rng((draws.seed, k))
             drawn = concealer.draw(rng, int(rng.choice(len(draws.effects), p=draws.effects)))
             begun = time.process_time()
-            _, _, found = identify(drawn.campaign, plant)
+            found = identify(drawn.campaign, plant)
             row = judge(drawn, found)
             rows.append({"k": k, **row, "seconds": round(time.process_time() - begun, 1)})
         return rows

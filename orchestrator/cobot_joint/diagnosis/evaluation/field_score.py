@@ -18,9 +18,9 @@ from cobot_joint.diagnosis.evaluation.score import (
     in_form,
     is_unlisted,
     places,
-    read_object,
     terms_of,
 )
+from cobot_joint.diagnosis.store import read_object
 
 MOST_TERMS = 4  # that one finding may carry
 CLAIM = 0.5  # confidence from which on a finding counts as said

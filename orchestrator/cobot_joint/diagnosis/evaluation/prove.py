@@ -18,8 +18,8 @@ from joblib import Parallel, delayed
 from cobot_joint.diagnosis.data.campaign import holdouts, missing_recordings
 from cobot_joint.diagnosis.evaluation import field_score
 from cobot_joint.diagnosis.evaluation import score as case_score
-from cobot_joint.diagnosis.evaluation.score import broken_seals, read_object
-from cobot_joint.diagnosis.store import plain
+from cobot_joint.diagnosis.evaluation.score import broken_seals
+from cobot_joint.diagnosis.store import plain, read_object
 from cobot_joint.errors import UserError
 from cobot_joint.files import write_atomically
 from cobot_joint.paths import PACKAGE

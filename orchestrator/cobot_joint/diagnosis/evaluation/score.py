@@ -13,6 +13,7 @@ from typing import Any
 
 from scipy.stats import binomtest
 
+from cobot_joint.diagnosis.store import read_object
 from cobot_joint.errors import UserError
 
 NOISE = {
@@ -41,17 +42,6 @@ def broken_seals(answers: Mapping[str, Mapping[str, Any]], seals: Mapping[str, s
         elif seal(answers[case]) != seals[case]:
             broken[case] = f"answer has SHA-256 {seal(answers[case])[:12]}..., sealed was {seals[case][:12]}..."
     return broken
-
-
-def read_object(path: Path) -> tuple[dict[str, Any] | None, str | None]:
-    """A JSON object, or None and why not."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return None, "no answer"
-    except (OSError, ValueError) as error:
-        return None, f"unreadable: {error}"
-    return (content, None) if isinstance(content, dict) else (None, "not an object")
 
 
 def scoreboard(answers: Mapping[str, Mapping[str, Any]], results: Path) -> dict[str, Any]:

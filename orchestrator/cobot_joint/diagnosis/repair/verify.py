@@ -17,14 +17,13 @@ from cobot_joint.diagnosis.archive import DamagedError, load
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.conditioning import condition
 from cobot_joint.diagnosis.data.recording import Recording
-from cobot_joint.diagnosis.evaluation.score import read_object
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.simulator import Simulator
 from cobot_joint.diagnosis.repair.compare import Comparison, channel_figures, compare, table
 from cobot_joint.diagnosis.repair.compare import Simulator as Simulate
 from cobot_joint.diagnosis.repair.export import ssp_files
 from cobot_joint.diagnosis.repair.repair import repair
-from cobot_joint.diagnosis.store import plain
+from cobot_joint.diagnosis.store import plain, read_object
 from cobot_joint.errors import UserError
 from cobot_joint.files import write_atomically
 from cobot_joint.system.model import System
@@ -33,7 +32,9 @@ from cobot_joint.system.read import load_system
 if TYPE_CHECKING:
     from cobot_joint.diagnosis.evaluation.baselines import Discrepancy
 
-Courses = Mapping[str, Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]]  # recording -> port -> (t, value)
+LoadHistories = Mapping[
+    str, Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
+]  # recording -> port -> (t, value)
 DISCREPANCY = "discrepancy.npz"  # of a baseline that corrects outputs instead of the system
 
 
@@ -82,17 +83,17 @@ def compare_systems(
     recordings: Sequence[Recording],
     folder: Path,
     calibrated: Mapping[str, float],
-    courses: Courses | None = None,
+    loads: LoadHistories | None = None,
 ) -> list[Comparison]:
     """Recordings beside the system as specified, as re-fitted, and as repaired: the last are the SSP files of the
-    folder, in the recordings of `courses` with what acted on the machine then.
+    folder, in the recordings of `loads` with what acted on the machine then.
     """
     nominal = campaign.systems()
     with ExitStack() as stack:
         simulators: dict[str, Simulate] = {
             "nominal": stack.enter_context(Simulator(nominal)),
             "calibrated": stack.enter_context(Simulator(nominal, calibrated)),
-            "repaired": acted_on(stack.enter_context(FmuPlant(repaired_systems(campaign, folder))), courses or {}),
+            "repaired": acted_on(stack.enter_context(FmuPlant(repaired_systems(campaign, folder))), loads or {}),
         }
         if (discrepancy := read_discrepancy(folder)) is not None:
             simulators["repaired"] = discrepancy.around(simulators["repaired"])
@@ -119,12 +120,12 @@ def read_discrepancy(folder: Path) -> Discrepancy | None:
     return found
 
 
-def acted_on(plant: FmuPlant, courses: Courses) -> Simulate:
+def acted_on(plant: FmuPlant, loads: LoadHistories) -> Simulate:
     """The systems with what acted on them in some of the recordings."""
 
     def simulate(recording: Recording) -> Mapping[str, NDArray[np.float64]]:
         time = recording.time - recording.time[0]
-        added = {port: np.interp(time, t, value) for port, (t, value) in courses.get(recording.name, {}).items()}
+        added = {port: np.interp(time, t, value) for port, (t, value) in loads.get(recording.name, {}).items()}
         return plant.simulate({}, recording, added=added)
 
     return simulate

@@ -9,7 +9,7 @@ import pytest
 
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.data.parameters import with_values
-from cobot_joint.diagnosis.estimation.fit import tolerances
+from cobot_joint.diagnosis.estimation.hypothesis import tolerances
 from cobot_joint.diagnosis.estimation.problem import Noise, Problem
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.errors import UserError

@@ -174,14 +174,13 @@ def prove(
 
 def _scoreboard(score: dict[str, Any]) -> None:
     """Per case what was said, then the rates."""
+    field = any("style" in row for row in score["rows"])
     grid = Table(title="cases", title_justify="left", title_style="bold")
-    for name in ("case", "", "concealed", "false claims", "excess error removed"):
+    for name in ("case", "", "concealed", "false claims", "held-out error" if field else "excess error removed"):
         grid.add_column(name)
     for row in score["rows"]:
-        said = [f"{e['name']}: {_said(e)}" for e in row["effects"]]
-        removed = "" if row["excess_removed"] is None else f"{100 * row['excess_removed']:.1f} %"
-        wrong = ", ".join(row["false"]) or (row["why"] or "")
-        grid.add_row(row["case"], "ok" if row["right"] else "--", "; ".join(said) or "nothing", wrong, removed)
+        cells = _field_row(row) if field else _case_row(row)
+        grid.add_row(row["case"], "ok" if row["right"] else "--", *(cell or "" for cell in cells))
     console.print(grid)
     rates = Table(title="scoreboard", title_justify="left", title_style="bold")
     for name in ("measure", "value", "of", "95 %"):
@@ -193,6 +192,21 @@ def _scoreboard(score: dict[str, Any]) -> None:
         else:
             rates.add_row(name, "" if value is None else f"{value:.4g}", "", "")
     console.print(rates)
+
+
+def _case_row(row: dict[str, Any]) -> tuple[str, str, str]:
+    """What was concealed and what was said of it, what was said beside it, what the repair removes."""
+    said = "; ".join(f"{e['name']}: {_said(e)}" for e in row["effects"]) or "nothing"
+    removed = "" if row["excess_removed"] is None else f"{100 * row['excess_removed']:.1f} %"
+    return said, ", ".join(row["false"]) or row["why"], removed
+
+
+def _field_row(row: dict[str, Any]) -> tuple[str, str, str]:
+    """The same of a machine with a background; the error above noise as repaired over calibrated."""
+    said = [f"{e['name']} ({e['over_background']} x background): {_said(e)}, {e['sure']:.2f}" for e in row["effects"]]
+    false = ", ".join(f"{term} {sure:.2f}" for term, sure in row["false"])
+    ratio = "" if row["ratio"] is None else f"{row['ratio']:.3f}{', worse' if row['worse'] else ''}"
+    return "; ".join(said) or "nothing", false or ("" if row["answered"] else "no answer"), ratio
 
 
 def _said(effect: dict[str, Any]) -> str:

@@ -14,7 +14,7 @@ import pytest
 from cobot_joint.diagnosis import archive
 from cobot_joint.diagnosis.archive import DamagedError, fingerprint, load, save
 from cobot_joint.diagnosis.engine import Explanation
-from cobot_joint.diagnosis.estimation.effects import ActiveTerm, BaseParameter, PortSignal
+from cobot_joint.diagnosis.estimation.effects import ActiveTerm, BaseParameter, LoadPulse, PortSignal, StepOffset
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
 from cobot_joint.diagnosis.estimation.problem import Simulated
@@ -39,16 +39,22 @@ class Evil:
 
 
 def explanation() -> Explanation:
-    """A stage as the engine keeps it: nested, with one fit in several places."""
+    """A stage as the engine keeps it: nested, every kind of effect, one fit in several places."""
     shape = ScannedShape("m.cogging.n", (1.0, 2.0), 1.0, 8.0, whole=True)
     term = TermCandidate("m.cogging", "m.cogging.A", 0.0, -1.0, np.inf, "N.m", (shape,), "m.cogging.phi_0")
+    port, time = Port("m.tau_add", "N.m", ("m.w",)), np.arange(4.0)
+    effects = (
+        ActiveTerm(term, {"m.cogging.A": 1e-3, "m.cogging.phi_0": 0.5, "m.cogging.n": 2.0}, 1.5),
+        PortSignal(port, ("w^2",), ({"run": np.ones(4)},), (0.5,)),
+        LoadPulse(port, "run", time, 1.0, (0.5, 1.0, 2.0, 2.5)),
+        StepOffset(port, {"run": time}, 0.1, 1.5, 0.2),
+    )
     base = BaseParameter(Parameter("m.R", 0.2, "Ohm", 0.0, np.inf), 0.1, 0.3)
-    signal = PortSignal(Port("m.tau_add", "N.m", ("m.w",)), ("1",), ({"run": np.ones(4)},), (0.5,))
-    hypothesis = Hypothesis((base,), (ActiveTerm(term, {"m.cogging.A": 1e-3}, 1.5), signal))
-    simulated = Simulated(({"w": np.arange(4.0)},), np.zeros(4))
-    fit = Fit(hypothesis, np.array([0.5]), 3.0, np.full(4, np.nan), simulated, np.eye(4)[:, :1], 7)
-    selected = [Selected("m.cogging", 12.0, {"m.x": 1.0})]
-    return Explanation(fit, fit, Selection([fit], selected, [[Candidate("a", 1.0, {}, None)]]), selected)
+    hypothesis = Hypothesis((base,), effects)
+    x = hypothesis.start()
+    fit = Fit(hypothesis, x, 3.0, np.full(4, np.nan), Simulated(({"w": time},), np.zeros(4)), np.ones((4, len(x))), 7)
+    selection = Selection([fit], [Selected("m.cogging", 12.0, {"m.x": 1.0})], [[Candidate("a", 1.0, {}, None)]])
+    return Explanation(fit, fit, selection, selection.selected)
 
 
 @pytest.mark.parametrize("value", VALUES, ids=repr)
@@ -76,9 +82,11 @@ def test_a_stage_of_nested_dataclasses_comes_back_with_what_it_shares(tmp_path: 
     save(tmp_path / "a.npz", given)
     back = load(tmp_path / "a.npz")
     assert fingerprint(back) == fingerprint(given)
-    assert back.fit is back.calibrated
+    assert back.fit is back.calibrated is back.selection.history[0]
     assert back.fit.hypothesis.terms == given.fit.hypothesis.terms
     assert np.array_equal(back.fit.residual, given.fit.residual, equal_nan=True)
+    assert back.fit.run.values == given.fit.run.values
+    assert np.array_equal(back.fit.run.added["run"]["m.tau_add"], given.fit.run.added["run"]["m.tau_add"])
 
 
 def test_a_fingerprint_is_of_the_content_and_not_of_the_objects() -> None:

@@ -18,6 +18,7 @@ from cobot_joint.diagnosis.data.recording import Connector, Recording, Role, rea
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import System
 from cobot_joint.system.read import load_system
+from cobot_joint.system.wiring import warn_of_unconnected
 
 
 @dataclass(frozen=True)
@@ -182,6 +183,8 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
     )  # fmt: skip
     systems = campaign.systems()
     check(str(path), given, systems, {setup: system_connectors(file) for setup, file in setups.items()})
+    for system in systems.values():
+        warn_of_unconnected(system)
     recordings = campaign.recordings
     for entry in given.recording:
         setup = entry.setup or next(iter(setups))

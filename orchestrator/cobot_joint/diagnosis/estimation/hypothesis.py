@@ -63,13 +63,10 @@ class Hypothesis:
 
 def tolerances(problem: Problem, bounds: Mapping[str, tuple[float, float]]) -> tuple[BaseParameter, ...]:
     """Base parameters that a diagnosis may re-fit, as far as their units allow it."""
-    parameters = problem.plant.parameters
-    found = [
-        BaseParameter(parameters[name], max(low, parameters[name].lower), min(high, parameters[name].upper))
-        for name, (low, high) in bounds.items()
-    ]
-    return tuple(
-        base
-        for base in found
-        if base.lower < base.upper and any(problem.plant.has(base.name, r) for r in problem.recordings)
-    )
+    found = []
+    for name, (low, high) in bounds.items():
+        p = problem.plant.parameters[name]
+        base = BaseParameter(p, max(low, p.lower), min(high, p.upper))
+        if base.lower < base.upper and any(problem.plant.has(name, recording) for recording in problem.recordings):
+            found.append(base)
+    return tuple(found)

@@ -16,8 +16,10 @@ from typing import Any
 from joblib import Parallel, delayed
 
 from cobot_joint.diagnosis.data.campaign import holdouts, missing_recordings
-from cobot_joint.diagnosis.evaluation.score import broken_seals, scoreboard
-from cobot_joint.diagnosis.store import read_object
+from cobot_joint.diagnosis.evaluation import field_score
+from cobot_joint.diagnosis.evaluation import score as case_score
+from cobot_joint.diagnosis.evaluation.score import broken_seals
+from cobot_joint.diagnosis.store import plain, read_object
 from cobot_joint.errors import UserError
 from cobot_joint.files import write_atomically
 from cobot_joint.paths import PACKAGE
@@ -77,11 +79,14 @@ def prove(
             results.append(result)
             if done:
                 done(result)
-    score = scoreboard({case: answers[case] for case in cases if case in answers}, out) if answers is not None else None
-    if score is not None:
+    score = None
+    if answers is not None:
+        rules = field_score if field_score.of_field(answers) else case_score
+        score = rules.scoreboard({case: answers[case] for case in cases if case in answers}, out)
         score["baseline"] = baseline
         score["seconds_median"] = _seconds(cases, out)
-        write_atomically(out / "scoreboard.json", lambda file: file.write_text(json.dumps(score, indent=1) + "\n"))
+        text = json.dumps(plain(score), indent=1) + "\n"
+        write_atomically(out / "scoreboard.json", lambda file: file.write_text(text))
     broken = broken_seals(answers, seals) if answers is not None and seals is not None else None
     return Proof(sorted(results, key=lambda r: r.case), broken, score)
 

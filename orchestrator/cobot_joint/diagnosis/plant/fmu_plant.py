@@ -17,9 +17,9 @@ from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.plant import Parameter, Port, ScannedShape, Signals, SimulationError, TermCandidate
 from cobot_joint.diagnosis.plant.simulator import run_beside
 from cobot_joint.system.model import Component, Connection, Connector, System
+from cobot_joint.system.wiring import ADDITIVE
 from cobot_joint.units import Shape, Term, Unit
 
-ADDITIVE = "_add"  # how the name of an additive input ends
 MOTION, LOADS = ("rad", "rad/s", "m", "m/s"), ("N.m", "N", "A")  # units of measure
 
 

@@ -125,3 +125,10 @@ def test_what_the_joint_brings_fits_its_systems() -> None:
     assert len(given.tolerances) == 19
     assert set(given.tolerances) <= parameters
     assert set(given.channels.values()) == set(given.logged)
+
+
+def test_a_force_that_nothing_gives_is_warned_of_before_anything_is_read(
+    tmp_path: Path, axis: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    load_campaign(write(tmp_path, AXIS))
+    assert f"{axis}: axis.F is not connected and stays at 0 N" in caplog.text

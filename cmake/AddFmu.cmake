@@ -1,7 +1,8 @@
 # add_fmu(NAME): fmus/NAME/{model.def, equations.c} -> build/fmus/NAME.fmu
+#   table, equations, glue -> GUID
 #   table -> describe (built and run here) -> modelDescription.xml, documentation/index.html
 #   table + equations + glue -> binaries/PLATFORM/NAME
-find_program(CLANG_FORMAT clang-format)
+include(${CMAKE_CURRENT_LIST_DIR}/Guid.cmake)
 
 if(CMAKE_SYSTEM_NAME STREQUAL "Windows")
   set(FMI_PLATFORM win64)
@@ -24,10 +25,12 @@ function(add_fmu name)
   file(GLOB physics CONFIGURE_DEPENDS ${source}/*.c ${source}/*.h ${source}/*.def)
   file(MAKE_DIRECTORY ${tree}/fmu/sources/fmi2 ${tree}/fmu/sources/friction ${tree}/fmu/sources/${name} ${tree}/fmu/documentation
        ${tree}/fmu/resources ${tree}/fmu/binaries/${FMI_PLATFORM})
+  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${physics} ${FMI2_GLUE} ${FRICTION})
+  guid_of_sources(guid ${physics} ${FMI2_GLUE} ${FRICTION})
   # compiled from here, shipped from there: beside the shipped one lie copies of the glue, which may be older
   foreach(all ${tree}/all.c ${tree}/fmu/sources/all.c)
     file(CONFIGURE OUTPUT ${all} CONTENT
-         "#define MODEL_DEF \"@name@/model.def\"\n#define EQUATIONS \"@name@/equations.c\"\n#include \"fmi2/fmi2.c\"\n" @ONLY)
+         "#define MODEL_DEF \"@name@/model.def\"\n#define EQUATIONS \"@name@/equations.c\"\n#define UNIT_GUID \"@guid@\"\n#include \"fmi2/fmi2.c\"\n" @ONLY)
   endforeach()
 
   add_library(${name} MODULE ${tree}/all.c)
@@ -47,7 +50,7 @@ function(add_fmu name)
 
   add_executable(describe_${name} ${CMAKE_SOURCE_DIR}/fmus/fmi2/describe.c)
   target_include_directories(describe_${name} PRIVATE ${CMAKE_SOURCE_DIR}/fmus)
-  target_compile_definitions(describe_${name} PRIVATE MODEL_DEF="${name}/model.def")
+  target_compile_definitions(describe_${name} PRIVATE MODEL_DEF="${name}/model.def" UNIT_GUID="${guid}")
   if(NOT MSVC)
     target_compile_options(describe_${name} PRIVATE -O0 -Wno-unused-function)
     target_link_libraries(describe_${name} PRIVATE m)

@@ -231,12 +231,10 @@ static void xml_enumerations(void) {
 }
 
 static int xml(const char *version) {
-  char guid[GUID_SIZE];
   int bad = 0;
-  table_guid(guid);
   printf("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"2.0\" modelName=\"%s\" "
          "guid=\"%s\"",
-         UNIT_NAME, guid);
+         UNIT_NAME, UNIT_GUID);
   attribute("description", UNIT_TEXT);
   printf(" author=\"the cobot-joint developers\" version=\"%s\" license=\"BSD-2-Clause\" generationTool=\"cobot-joint\""
          " variableNamingConvention=\"structured\" numberOfEventIndicators=\"0\">\n",
@@ -327,8 +325,6 @@ static void html_ports(const char *title, Kind kind) {
 }
 
 static int html(const char *version) {
-  char guid[GUID_SIZE];
-  table_guid(guid);
   printf("<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>%s</title>\n"
          "<style>body{font:16px/1.5 system-ui,sans-serif;max-width:60em;margin:2em auto;padding:0 "
          "1em}table{border-collapse:collapse}"
@@ -341,7 +337,7 @@ static int html(const char *version) {
   escaped(UNIT_TEXT);
   printf("</p>\n<p>FMI 2.0 co-simulation, version %s, GUID <code>%s</code>. SI units. Every term is off at its neutral "
          "value.</p>\n",
-         version, guid);
+         version, UNIT_GUID);
   html_ports("Inputs", IS_INPUT);
   html_ports("States", IS_STATE);
   html_ports("Outputs", IS_OUTPUT);

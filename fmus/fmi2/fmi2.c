@@ -1,6 +1,6 @@
 /* FMI 2.0 for co-simulation over one unit: an instance from birth to end; variables.h, steps.h and states.h have the rest.
  * Knows no physics.
- * One translation unit per FMU: EQUATIONS names the unit's equations.c, MODEL_DEF its table. */
+ * One translation unit per FMU: EQUATIONS names the unit's equations.c, MODEL_DEF its table, UNIT_GUID is its GUID. */
 #include "fmi2/unit.h"
 
 #include EQUATIONS
@@ -30,13 +30,12 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
   if (!name || !*name) REFUSE("fmi2Instantiate: the instance name is empty");
   if (type != fmi2CoSimulation) REFUSE("fmi2Instantiate: only co-simulation is offered, not model exchange");
   if (!guid) REFUSE("fmi2Instantiate: no GUID given");
-  char own[GUID_SIZE], why[256] = "";
-  table_guid(own);
+  char why[256] = "";
   set_starts(&probe.start);
   const StartFile file = read_start_values(&probe.start, &probe.late, resources, guid, why);
   if (file == START_BAD) REFUSE("fmi2Instantiate: %s", why);
-  if (file != START_APPLIED && strcmp(guid, own) != 0)
-    REFUSE("fmi2Instantiate: GUID %s given, this library is %s", guid, own);
+  if (file != START_APPLIED && strcmp(guid, UNIT_GUID) != 0)
+    REFUSE("fmi2Instantiate: GUID %s given, this library is %s", guid, UNIT_GUID);
   Instance *c = malloc(sizeof *c);
   char *copy = malloc(strlen(name) + 1);
   if (!c || !copy) {

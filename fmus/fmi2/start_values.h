@@ -4,6 +4,7 @@
 #ifndef COBOT_JOINT_START_VALUES_H
 #define COBOT_JOINT_START_VALUES_H
 
+#include <locale.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -46,6 +47,21 @@ static inline void uri_to_path(char *out, size_t size, const char *uri, const ch
   strcpy(out + n, file);
 }
 
+/* a number as C and Python write it; strtod wants the decimal point of the host's locale */
+static inline bool read_number(const char *text, double *value) {
+  const char *point = localeconv()->decimal_point;
+  char local[160], *end = local;
+  size_t n = 0;
+  if (text[strspn(text, "+-.0123456789eE")] != 0 || strlen(text) * strlen(point) >= sizeof local) return false;
+  for (; *text; text++)
+    for (const char *c = *text == '.' ? point : text, *stop = *text == '.' ? point + strlen(point) : text + 1;
+         c < stop;)
+      local[n++] = *c++;
+  local[n] = 0;
+  *value = strtod(local, &end);
+  return end != local && *end == 0 && isfinite(*value);
+}
+
 static inline bool set_start(Unit *m, const char *name, double value) {
   char known[NAME_SIZE];
   for (int i = 0; i < N_PUBLIC; i++) {
@@ -75,7 +91,7 @@ static inline bool set_late(LateValues *late, const Unit *m, const char *name, d
     const RealInfo *r = &REAL_INFO[i];
     Unit probe = *m;
     if (strcmp(full_name(known, r->term, r->name), name) != 0) continue;
-    if (r->kind != IS_PARAMETER || !isfinite(from) || !set_start(&probe, name, value)) return false;
+    if (r->kind != IS_PARAMETER || !set_start(&probe, name, value)) return false;
     late->of[late->n].reference = i;
     late->of[late->n].value = value;
     late->of[late->n++].from = from;
@@ -99,7 +115,7 @@ static inline bool apply_late(const LateValues *late, Unit *m) {
 /* resources/ of one instance into its start values, if the file's guid is the one asked for */
 static inline StartFile read_start_values(Unit *m, LateValues *late, const char *resources, const char *guid,
                                           char why[256]) {
-  char path[4096], line[256], name[NAME_SIZE], text[96];
+  char path[4096], line[256], name[NAME_SIZE], text[96], word[8], onset[96], more[2];
   if (!resources || strlen(resources) > 4000) return START_NONE;
   uri_to_path(path, sizeof path, resources, "start_values.txt");
   FILE *f = fopen(path, "r");
@@ -108,13 +124,13 @@ static inline StartFile read_start_values(Unit *m, LateValues *late, const char 
   if (fgets(line, sizeof line, f) && sscanf(line, "guid = %95s", text) == 1 && strcmp(text, guid) == 0) {
     result = START_APPLIED;
     while (result == START_APPLIED && fgets(line, sizeof line, f)) {
-      char *end = text;
-      double from;
+      double value = 0, from = 0;
       if (sscanf(line, " %95s", name) != 1 || name[0] == '#') continue;
-      const int parts = sscanf(line, " %95s = %95s from %lf", name, text, &from);
-      const double value = parts >= 2 ? strtod(text, &end) : 0;
-      if (parts == 2 && end != text && set_start(m, name, value)) continue;
-      if (parts == 3 && end != text && set_late(late, m, name, value, from)) continue;
+      const int parts = sscanf(line, " %95s = %95s %7s %95s %1s", name, text, word, onset, more);
+      const bool number = parts >= 2 && read_number(text, &value);
+      const bool later = parts == 4 && strcmp(word, "from") == 0 && read_number(onset, &from);
+      if (parts == 2 && number && set_start(m, name, value)) continue;
+      if (later && number && set_late(late, m, name, value, from)) continue;
       line[strcspn(line, "\r\n")] = 0;
       snprintf(why, 256, "resources/start_values.txt: \"%.160s\" names no start value of a %s within its bounds", line,
                UNIT_NAME);

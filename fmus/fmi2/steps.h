@@ -73,7 +73,7 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
   NEEDS(STEPPING);
   (void)no_rollback;
   Unit *m = &c->unit;
-  const double slack = 1e-9 * fmax(1, fabs(t));
+  const double slack = 1e-9 * fmax(1, fabs(m->time));
   if (!(h > 0) || !isfinite(h)) FAIL(c, "fmi2DoStep: communicationStepSize %g; it has to be positive", h);
   if (!(fabs(t - m->time) <= slack))
     FAIL(c, "fmi2DoStep: currentCommunicationPoint %.12g, but the unit is at %.12g", t, m->time);

@@ -7,6 +7,11 @@
 
 #include "fmi2/unit.h"
 
+/* "{...}": a hash of all sources, so that XML and library only match when both come from the same equations */
+#ifndef UNIT_GUID
+#error "UNIT_GUID is defined by the file that includes fmi2.c, all.c; the build writes it"
+#endif
+
 typedef enum { IS_STATE, IS_INTEGRAL, IS_INPUT, IS_OUTPUT, IS_LOCAL, IS_PARAMETER } Kind;
 
 typedef struct {
@@ -67,7 +72,7 @@ static const char *const UNIT_NAME =
 #include "fmi2/rows.h"
     ;
 
-enum { NAME_SIZE = 96, GUID_SIZE = 40 };
+enum { NAME_SIZE = 96, GUID_SIZE = sizeof UNIT_GUID };
 
 /* structured name, FMI 2.0 2.2.9: term.name */
 static inline const char *full_name(char out[NAME_SIZE], const char *term, const char *name) {
@@ -80,40 +85,6 @@ static inline int option_count(const char *options) {
   int n = 1;
   for (; *options; options++) n += *options == '|';
   return n;
-}
-
-/* FNV-1a, the 128-bit GUID as two 64-bit streams */
-static inline void hash_text(uint64_t h[2], const char *text) {
-  for (; *text; text++) {
-    h[0] = (h[0] ^ (unsigned char)*text) * 1099511628211u;
-    h[1] = (h[1] + (unsigned char)*text) * 1099511628211u + 17;
-  }
-}
-
-/* "{xxxxxxxx-xxxx-...}": a hash of the whole table, so XML and library can only match when both come from it */
-static inline void table_guid(char out[GUID_SIZE]) {
-  uint64_t h[2] = {14695981039346656037u, 1099511628211u};
-  char row[512];
-  hash_text(h, UNIT_NAME);
-  for (int i = 0; i < N_PUBLIC; i++) {
-    const RealInfo *r = &REAL_INFO[i];
-    snprintf(row, sizeof row, "%d %s.%s %s %.17g %.17g %.17g %.17g %s", (int)r->kind, r->term, r->name, r->unit,
-             r->start, r->min, r->max, r->nominal, r->feeds);
-    hash_text(h, row);
-  }
-  for (int i = 1; i < N_INTEGER; i++) {
-    const DiscreteInfo *r = &INTEGER_INFO[i];
-    snprintf(row, sizeof row, "I%d %s.%s %d %d %d %s", (int)r->kind, r->term, r->name, r->start, r->min, r->max,
-             r->options ? r->options : "");
-    hash_text(h, row);
-  }
-  for (int i = 1; i < N_BOOLEAN; i++) {
-    snprintf(row, sizeof row, "B%d %s %d", (int)BOOLEAN_INFO[i].kind, BOOLEAN_INFO[i].name, BOOLEAN_INFO[i].start);
-    hash_text(h, row);
-  }
-  snprintf(out, GUID_SIZE, "{%08x-%04x-%04x-%04x-%08x%04x}", (unsigned)(h[0] >> 32), (unsigned)(h[0] >> 16) & 0xffffu,
-           (unsigned)h[0] & 0xffffu, (unsigned)(h[1] >> 48) & 0xffffu, (unsigned)(h[1] >> 16),
-           (unsigned)h[1] & 0xffffu);
 }
 
 #endif

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,8 @@ from fmpy.logging import addLoggerProxy
 from cobot_joint.units import Unit, find_fmu, load_unit
 
 UNITS = sorted(table.parent.name for table in (Path(__file__).parents[2] / "fmus").glob("*/model.def"))
+
+OTHER_GUID = "{12345678-0000-0000-0000-000000000000}"
 
 Values = Mapping[str, float]
 Signals = dict[str, np.ndarray]
@@ -169,3 +172,24 @@ def make(instantiate: Callable[[str], Slave]) -> Callable[..., Slave]:
         return instantiate(name).initialise(start, **setup)
 
     return make
+
+
+@pytest.fixture
+def repaired(load: Callable[[str], Unit], tmp_path: Path) -> Callable[..., Path]:
+    """repaired("a = 1", ...): the brake, unpacked, with another GUID and these lines in resources/start_values.txt."""
+
+    def repaired(*lines: str, guid: str = OTHER_GUID) -> Path:
+        brake = load("mr_brake_belt")
+        copy = tmp_path / "a path with spaces" / "brake"
+        shutil.copytree(brake.directory, copy)
+        xml = copy / "modelDescription.xml"
+        text = xml.read_text(encoding="utf-8")
+        assert brake.description.guid in text
+        xml.write_text(text.replace(brake.description.guid, OTHER_GUID), encoding="utf-8")
+        (copy / "resources").mkdir(exist_ok=True)
+        (copy / "resources" / "start_values.txt").write_text(
+            "\n".join([f"guid = {guid}", *lines, ""]), encoding="utf-8"
+        )
+        return copy
+
+    return repaired

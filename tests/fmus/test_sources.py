@@ -62,6 +62,40 @@ def _wave(nominal: float, k: int) -> Callable[[float], float]:
     return lambda t: 0.3 * nominal * np.sin((20 + k) * t)
 
 
+@pytest.mark.parametrize("file", ["planetary_gear/equations.c", "planetary_gear/model.def", "fmi2/integrate.h"])
+def test_another_equation_term_or_integrator_is_another_guid(root: Path, tmp_path: Path, file: str) -> None:
+    """the GUIDs that the build gives to two checkouts that differ by one character"""
+    cmake = shutil.which("cmake")
+    if cmake is None:
+        pytest.skip("no CMake on this machine")
+    guids = set()
+    for name in ("before", "after"):
+        copy = tmp_path / name
+        shutil.copytree(root / "fmus", copy / "fmus")
+        if name == "after":
+            text = (copy / "fmus" / file).read_text(encoding="utf-8")
+            assert " + " in text
+            (copy / "fmus" / file).write_text(text.replace(" + ", " - ", 1), encoding="utf-8")
+        script = copy / "guid.cmake"
+        script.write_text(
+            f"""set(CMAKE_SOURCE_DIR {copy})
+include({root}/cmake/Guid.cmake)
+file(GLOB sources {copy}/fmus/planetary_gear/*.[chd]* {copy}/fmus/fmi2/*.[ch])
+guid_of_sources(guid ${{sources}})
+message("${{guid}}")""",
+            encoding="utf-8",
+        )
+        done = subprocess.run([cmake, "-P", script], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        guids.add(done.stderr.strip())
+    assert len(guids) == 2, guids
+
+
+def test_guid_in_the_description_is_the_one_in_the_sources(load: Load, name: str) -> None:
+    unit = load(name)
+    assert f'"{unit.description.guid}"' in (unit.directory / "sources" / "all.c").read_text(encoding="utf-8")
+
+
 @pytest.mark.long
 def test_simulation_passes_the_address_and_undefined_behaviour_sanitizers(
     load: Load, compiler: str, tmp_path: Path, root: Path, name: str

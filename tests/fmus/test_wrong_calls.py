@@ -64,6 +64,8 @@ WHILE_STEPPING: dict[str, tuple[Call, str]] = {
     "step of length NaN": (lambda s: s.fmu.doStep(s.time, NAN), "positive"),
     "step of infinite length": (lambda s: s.fmu.doStep(s.time, INF), "positive"),
     "step from somewhere else": (lambda s: s.fmu.doStep(s.time + 0.5, 1e-3), "but the unit is at"),
+    "step from minus infinity": (lambda s: s.fmu.doStep(-INF, 1e-3), "but the unit is at"),
+    "step from infinity": (lambda s: s.fmu.doStep(INF, 1e-3), "but the unit is at"),
     "step from NaN": (lambda s: s.fmu.doStep(NAN, 1e-3), "but the unit is at"),
     "second set-up": (lambda s: s.fmu.setupExperiment(), "not allowed"),
     "second initialization": (lambda s: s.fmu.enterInitializationMode(), "not allowed"),

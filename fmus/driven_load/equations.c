@@ -11,7 +11,8 @@ static void unit_equations(Unit *m) {
   const double w = m->motion_source == IMPOSED ? m->w_imposed : m->x_w;
 
   m->tau_g = mass * m->gravity_g * (r * sin(m->phi + m->gravity_phi_0) + lead * sin(m->gravity_slope));
-  m->tau_f = friction(m, w) + m->viscous_asymmetry_d_A * fabs(w);
+  m->tau_f = friction(m, w, 0);
+  if (m->viscous_asymmetry_d_A != 0) m->tau_f += fmax(m->viscous_asymmetry_d_A * copysign(1, w), -viscous(m, w)) * w;
 
   /* (J + m (lead^2 + r^2)) dw/dt = tau + tau_add + lead F_add - tau_g - tau_f */
   const double J = m->body_J + mass * (square(lead) + square(r));

@@ -108,8 +108,8 @@ static void xml_real(int i) {
          : settable          ? "exact"
                              : "calculated");
   printf("<Real unit=\"%s\"", r->unit);
-  if (r->min > -DBL_MAX) printf(" min=\"%.17g\"", r->min);
-  if (r->max < DBL_MAX) printf(" max=\"%.17g\"", r->max);
+  if (lowest((size_t)i) > -DBL_MAX) printf(" min=\"%.17g\"", lowest((size_t)i));
+  if (highest((size_t)i) < DBL_MAX) printf(" max=\"%.17g\"", highest((size_t)i));
   if (r->kind != IS_PARAMETER) printf(" nominal=\"%.17g\"", r->nominal);
   if (settable) printf(" start=\"%.17g\"", r->start);
   printf("/></ScalarVariable>\n");

@@ -78,7 +78,7 @@ fmi2Status fmi2SetupExperiment(fmi2Component component, fmi2Boolean tolerance_gi
   if (tolerance_given && !(tolerance > 0 && tolerance <= 0.1))
     FAIL(c, "fmi2SetupExperiment: tolerance %g is outside 0 to 0.1", tolerance);
   if (stop_given && !(stop >= start)) FAIL(c, "fmi2SetupExperiment: stopTime %g lies before startTime %g", stop, start);
-  c->unit.time = start;
+  c->unit.time = c->unit.start_time = start;
   for (int j = 0; j < N_INPUT; j++) c->unit.u[j].t0 = start;
   if (tolerance_given) c->unit.tolerance = tolerance;
   c->stop_time = stop_given ? stop : DBL_MAX;

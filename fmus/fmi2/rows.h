@@ -45,6 +45,9 @@
 #ifndef LOCAL /* (name, unit, nominal, description) */
 #define LOCAL(...)
 #endif
+#ifndef BOUNDS /* (name, min, max): of a state or an input that may not take every value */
+#define BOUNDS(...)
+#endif
 #ifndef EVENT /* (name, description): an indicator that equations.c gives; the event is where it turns positive */
 #define EVENT(...)
 #endif
@@ -72,6 +75,7 @@
 #undef CODE
 #undef SIGNAL
 #undef LOCAL
+#undef BOUNDS
 #undef EVENT
 #undef MEMORY
 #undef FLANGE

@@ -64,10 +64,11 @@ static inline bool read_number(const char *text, double *value) {
 
 static inline bool set_start(Unit *m, const char *name, double value) {
   char known[NAME_SIZE];
-  for (int i = 0; i < N_PUBLIC; i++) {
+  for (size_t i = 0; i < N_PUBLIC; i++) {
     const RealInfo *r = &REAL_INFO[i];
     if (strcmp(full_name(known, r->term, r->name), name) != 0) continue;
-    if (!(value >= r->min && value <= r->max) || r->kind == IS_OUTPUT || r->kind == IS_INTEGRAL || r->kind == IS_LOCAL)
+    if (!(value >= lowest(i) && value <= highest(i)) || r->kind == IS_OUTPUT || r->kind == IS_INTEGRAL ||
+        r->kind == IS_LOCAL)
       return false;
     m->real[i] = value;
     if (r->kind == IS_INPUT) m->u[i - FIRST_INPUT].c[0] = value;

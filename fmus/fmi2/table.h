@@ -52,6 +52,17 @@ static const RealInfo REAL_INFO[] = {
 #include "fmi2/rows.h"
 };
 
+/* of states and inputs; parameters have theirs above */
+static const struct {
+  bool given;
+  double min, max;
+} BOUNDS_INFO[N_PUBLIC + 1] = {
+#define BOUNDS(name, min, max) [VR_##name] = {true, min, max},
+#include "fmi2/rows.h"
+    [N_PUBLIC] = {false, 0, 0}};
+static inline double lowest(size_t i) { return BOUNDS_INFO[i].given ? BOUNDS_INFO[i].min : REAL_INFO[i].min; }
+static inline double highest(size_t i) { return BOUNDS_INFO[i].given ? BOUNDS_INFO[i].max : REAL_INFO[i].max; }
+
 static const DiscreteInfo INTEGER_INFO[] = {
     {IS_LOCAL, "", "", 0, 0, 0, NULL, "", ""},
 #define CHOICE(term, name, start, options, text) {IS_PARAMETER, #term, #name, start, 1, 99, options, text, ""},

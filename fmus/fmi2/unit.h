@@ -126,7 +126,7 @@ typedef struct Unit {
 #include "fmi2/rows.h"
     };
   };
-  double time; /* s */
+  double time, start_time; /* s */
   /* inputs over a step: value and derivatives at t0, per input */
   struct {
     double t0, c[INPUT_ORDER + 1];

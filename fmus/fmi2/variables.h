@@ -47,16 +47,16 @@ fmi2Status fmi2SetReal(fmi2Component component, const fmi2ValueReference vr[], s
   CHECK_LIST(0, N_PUBLIC, "real");
   char name[NAME_SIZE];
   for (size_t i = 0; i < n; i++) { /* all or nothing */
-    if (is_input(vr[i]) && isfinite(value[i])) continue;
+    if (is_input(vr[i]) && value[i] >= lowest(vr[i]) && value[i] <= highest(vr[i])) continue;
     const RealInfo *r = &REAL_INFO[vr[i]];
     if (r->kind == IS_OUTPUT || r->kind == IS_INTEGRAL || r->kind == IS_LOCAL)
       FAIL(c, "fmi2SetReal: %s is calculated by the unit and cannot be set", r->name);
     if (r->kind == IS_STATE && c->phase == STEPPING)
       FAIL(c, "fmi2SetReal: %s is a state; its start value can only be set before the initialization ends", r->name);
     if (!isfinite(value[i])) FAIL(c, "fmi2SetReal: %s = %g is not finite", full_name(name, r->term, r->name), value[i]);
-    if (value[i] < r->min || value[i] > r->max)
+    if (value[i] < lowest(vr[i]) || value[i] > highest(vr[i]))
       FAIL(c, "fmi2SetReal: %s = %g %s is outside %g to %g", full_name(name, r->term, r->name), value[i], r->unit,
-           r->min, r->max);
+           lowest(vr[i]), highest(vr[i]));
   }
   Unit *m = &c->unit;
   for (size_t i = 0; i < n; i++) {

@@ -4,28 +4,34 @@
 
 #include "fmi2/unit.h"
 
-/* what Coulomb friction follows: the sign of the speed, and for the share that bristles carry, their deflection */
-static inline double friction_direction(const Unit *m, double w) {
-  const double direction = sgn(w, m->friction_w_C);
-  return direction + m->presliding_share * (m->z - direction);
+/* viscous friction over speed: cold grease at rest has d, shear and warmth each leave a share of it */
+static inline double viscous(const Unit *m, double w) {
+  double d = m->friction_d;
+  if (m->sublinear_viscous_x != 0) d *= 1 - m->sublinear_viscous_x * fabs(w) / (m->sublinear_viscous_w_T + fabs(w));
+  if (m->viscous_warmup_fade != 0)
+    d *= 1 - m->viscous_warmup_fade * (1 - exp(-(m->time - m->start_time) / m->viscous_warmup_T));
+  return d;
 }
 
-static inline double friction(Unit *m, double w) {
-  const double direction = sgn(w, m->friction_w_C);
-  const double tau_C = m->friction_tau_C * friction_direction(m, w);
-  double d = m->friction_d;
-  double tau = 0;
+/* tau_load: what the load adds to the Coulomb friction */
+static inline double friction(Unit *m, double w, double tau_load) {
+  const double direction = sgn(w, m->friction_w_C), share = m->presliding_share;
+  const double tau_C = m->friction_tau_C + tau_load;
 
-  m->der_z = 0;
-  if (m->stribeck_tau_S != 0) tau += m->stribeck_tau_S * exp(-square(w / m->stribeck_w_S)) * direction;
-  if (m->sublinear_viscous_x != 0) d *= 1 - m->sublinear_viscous_x * fabs(w) / (m->sublinear_viscous_w_T + fabs(w));
+  double sliding = (1 - share) * tau_C;
+  if (m->stribeck_tau_S != 0) sliding += m->stribeck_tau_S * exp(-square(w / m->stribeck_w_S));
+  if (m->friction_asymmetry_tau_A != 0) sliding += m->friction_asymmetry_tau_A * (direction + m->friction_asymmetry_m);
+  double tau = fmax(0, sliding) * direction + viscous(m, w) * w; /* what slides never drives */
   if (m->windage_c != 0) tau += m->windage_c * w * fabs(w);
-  if (m->friction_asymmetry_tau_A != 0)
-    tau += m->friction_asymmetry_tau_A * (direction + m->friction_asymmetry_m) * direction;
-  if (m->viscous_warmup_fade != 0)
-    d -= m->friction_d * m->viscous_warmup_fade * (1 - exp(-m->time / m->viscous_warmup_T));
-  if (m->presliding_share != 0) m->der_z = (w - fabs(w) * m->z) / m->presliding_phi_s;
-  return tau_C + d * w + tau;
+
+  /* bristles keep the energy phi_s z^2/2: tau w = d/dt(phi_s z^2/2) + |w| z^2, also where the load changes tau_C */
+  m->der_z = 0;
+  if (share != 0) {
+    const double root = sqrt(share * tau_C);
+    tau += root * m->z;
+    m->der_z = (root * w - fabs(w) * m->z) / m->presliding_phi_s;
+  }
+  return tau;
 }
 
 #endif

@@ -6,6 +6,7 @@
 enum { AVERAGED = 1, SIMSCAPE, COMPREHENSIVE };
 
 #include "friction/friction.h"
+#include "motor_bldc/constants.h"
 #include "motor_bldc/drive.h"
 #include "motor_bldc/three_phase.h"
 
@@ -15,20 +16,17 @@ static void unit_start(Unit *m) {
   if (m->sector[0] == 0 && m->diode[0] == OPEN && m->W_abs == 0) m->sector[0] = sector_of(m->phi);
 }
 
-static double sum_of_magnitudes(const double i[3]) { return (fabs(i[0]) + fabs(i[1]) + fabs(i[2])) / 2; }
-
 static void unit_equations(Unit *m) {
   const bool averaged = m->motor_level == AVERAGED;
-  const double k = m->winding_k;
 
-  /* winding: R(T_w), eq. 3.1 */
+  /* winding: R(T_w), eq. 3.1; the line is not one to absolute zero */
   const double T_w = m->winding_heating_T_a + m->rise;
-  const double R = m->winding_R * (1 + m->winding_heating_alpha * (T_w - 298.15));
+  const double R = m->winding_R * fmax(0, 1 + m->winding_heating_alpha * (T_w - 298.15));
 
   const int n = averaged ? 0 : modulo6(m->sector[0]);
   const double i3[3] = {m->x_ia, m->x_ib, -m->x_ia - m->x_ib};
   const double i = averaged ? m->x_i : sum_of_magnitudes(i3) * (i3[HIGH[n]] - i3[LOW[n]] >= 0 ? 1 : -1);
-  const double e = k * m->w;
+  const double k = torque_constant(m, i), e = emf_constant(m, i, i * m->w < 0) * m->w;
 
   /* drive and inverter */
   double v = drive(m, i, e, m->winding_R);
@@ -55,12 +53,9 @@ static void unit_equations(Unit *m) {
     m->e_b = p.e[1];
     m->e_c = p.e[2];
   }
-  if (m->torque_saturation_s != 0) tau_e *= 1 - m->torque_saturation_s * square(i);
-  if (m->torque_ripple_A != 0)
-    tau_e *= 1 + m->torque_ripple_A * sin(m->torque_ripple_n * m->phi + m->torque_ripple_phi_0);
 
   /* (J + J_coupled) dw/dt = tau_e - tau_f - tau, eq. 2.2 */
-  double tau_f = friction(m, m->w);
+  double tau_f = friction(m, m->w, 0);
   if (m->motor_level == COMPREHENSIVE)
     tau_f += m->friction_d * m->w * m->viscous_dynamic_D * exp(-fabs(m->w) / m->viscous_dynamic_w_D);
   if (m->cogging_A != 0) tau_f += m->cogging_A * sin(m->cogging_n * m->phi + m->cogging_phi_0);
@@ -128,7 +123,7 @@ static void open_bridge_indicators(const Unit *m, double z[N_EVENT]) {
   phase_currents(m, i);
   if (m->motor_level == AVERAGED) {
     z[EVENT_leg_opens] = ending(m, i, 1, &leg);
-    if (m->leg[0] == 0) z[EVENT_leg_conducts] = fabs(m->winding_k * m->w) - m->inverter_v_bus;
+    if (m->leg[0] == 0) z[EVENT_leg_conducts] = fabs(emf_constant(m, 0, false) * m->w) - m->inverter_v_bus;
     return;
   }
   const Phases p = three_phases(m, 0, m->winding_R, i);

@@ -1,5 +1,6 @@
 /* Three phases in star, six-step commutation, floating third phase. Voltages against the middle of the supply. */
 #include "fmi2/unit.h"
+#include "motor_bldc/constants.h"
 #include "motor_bldc/open_bridge.h"
 
 /* trapezoid, eq. 2.17, for x from -2 pi to 2 pi: flat over 120 degrees, +1 from 30 to 150 degrees */
@@ -28,6 +29,8 @@ typedef struct {
       v_floating; /* v_floating: of the floating phase; of the star point while the bridge is off */
 } Phases;
 
+static inline double sum_of_magnitudes(const double i[3]) { return (fabs(i[0]) + fabs(i[1]) + fabs(i[2])) / 2; }
+
 static inline Phases three_phases(const Unit *m, double v, double R, const double i[3]) {
   Phases p;
   const double R_ph = R / 2, L_ph = m->winding_L / 2, v_bus = m->inverter_v_bus;
@@ -36,7 +39,9 @@ static inline Phases three_phases(const Unit *m, double v, double R, const doubl
   p.shape[h] = 1;
   p.shape[l] = -1;
   p.shape[f] = (n % 2 ? -1 : 1) * (1 - 6 / PI * (m->phi - sector_start(m->sector[0])));
-  for (int x = 0; x < 3; x++) p.e[x] = m->winding_k / 2 * m->w * p.shape[x];
+  const double i_tau = p.shape[0] * i[0] + p.shape[1] * i[1] + p.shape[2] * i[2]; /* its sign is that of the torque */
+  const double k = emf_constant(m, sum_of_magnitudes(i), i_tau * m->w < 0);
+  for (int x = 0; x < 3; x++) p.e[x] = k / 2 * m->w * p.shape[x];
   if (!m->enable) {
     p.v_floating = open_bridge(m, R, i, p.e, p.der);
     return p;

@@ -26,14 +26,14 @@ static void unit_equations(Unit *m) {
   m->i_coil = lag ? m->x_coil : i_ref;
   m->der_x_coil = lag ? (i_ref - m->x_coil) / m->driver_T : 0;
 
-  /* belt: tau_belt = c_b (r phi_p - phi_b - slip) + d_b (r w_p - w_b - x tau_belt) */
+  /* belt: tau_belt = c_b (r phi_p - phi_b - slip) + d_b (r w_p - w_b - x tau_belt |r w_p|) */
   double r = m->belt_r, way = m->belt_r * m->phi_p;
   if (m->pulley_eccentricity_A != 0) {
     const double A = m->pulley_eccentricity_A, phi_0 = m->pulley_eccentricity_phi_0;
     way += r * A * (sin(m->phi_p + phi_0) - sin(phi_0));
     r *= 1 + A * cos(m->phi_p + phi_0);
   }
-  const double x = m->belt_creep_x;
+  const double x = m->belt_creep_x * fabs(r * w_p); /* creep is a share of the belt's speed */
   const double tau_belt = (m->belt_c_b * (way - m->phi_b - m->slip + m->stretch_add) + m->belt_d_b * (r * w_p - w_b)) /
                           (1 + m->belt_d_b * x);
   m->der_slip = x * tau_belt;

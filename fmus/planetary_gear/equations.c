@@ -6,7 +6,10 @@
 
 enum { GAP, FRONT, BACK, FRONT_SLACK, BACK_SLACK }; /* slack: flanks touch, but would have to pull */
 
-static void unit_start(Unit *m) { m->N[0] = total_ratio(m); }
+static void unit_start(Unit *m) {
+  m->N[0] = total_ratio(m);
+  m->p_1[0] = -log(m->mesh_eta) / 2;
+}
 
 static inline double half_gap(const Unit *m) { return fmax(0, m->mesh_b + m->backlash_b_x) / 2; }
 
@@ -27,6 +30,24 @@ static inline double contact(const Unit *m, double e, double rate) {
   return m->mesh_c * e * (1 + m->stiffness_hardening_h * e * e) + m->mesh_d_g * rate;
 }
 
+/* dangle_o/dphi_o, by which the output feels the mesh: virtual work at an angle error over the output angle */
+static inline double output_share(const Unit *m) {
+  const double n = m->transmission_error_n;
+  if (m->transmission_error_A == 0) return 1;
+  return 1 - m->transmission_error_A * n * cos(n * m->phi_o + m->transmission_error_phi_0);
+}
+
+/* tau over tau_g/N: m/eta + (1 - m) eta, m = (1 + tanh(p))/2, p the power into the mesh; eq. 2.26 in both directions.
+ * That gives power away for -p_1 < p < 0, tanh(p_1) = (1 - eta)/(1 + eta): there the mesh is ideal instead, and from
+ * there on the loss rises to eq. 2.26 at p_1. A negative mu takes from the loss, at most all of it. */
+static inline double over_ideal(const Unit *m, double tau_g) {
+  const double eta = m->mesh_eta, p = copysign(1, m->N[0]) * tau_g * m->w / m->mesh_P_0, p_1 = m->p_1[0];
+  const double forward = (1 + tanh(p)) / 2, f = forward / eta + (1 - forward) * eta;
+  double loss = p < 0 ? fmax(0, 1 - f) : p < p_1 ? (f - 1) * p / p_1 : f - 1;
+  if (m->load_friction_mu < 0) loss = fmax(0, loss + m->load_friction_mu * fabs(sgn(m->w, m->friction_w_C)));
+  return p < 0 ? 1 - loss : 1 + loss;
+}
+
 static void unit_equations(Unit *m) {
   const double N = m->N[0];
   double rate, tau_g = 0;
@@ -36,15 +57,12 @@ static void unit_equations(Unit *m) {
   else if (m->contact[0] == BACK)
     tau_g = contact(m, delta + half_gap(m), rate);
 
-  /* tau = tau_g/N (m/eta + (1 - m) eta) + tau_f, eq. 2.26 in both directions of power */
-  const double forward = (1 + tanh(tau_g * m->w / m->mesh_P_0)) / 2;
-  double tau_f = friction(m, m->w);
-  if (m->load_friction_mu != 0) tau_f += m->load_friction_mu * fabs(tau_g) / fabs(N) * friction_direction(m, m->w);
-  m->tau = tau_g / N * (forward / m->mesh_eta + (1 - forward) * m->mesh_eta) + tau_f - m->tau_add;
+  const double tau_load = m->load_friction_mu > 0 ? m->load_friction_mu * fabs(tau_g / N) : 0;
+  m->tau = tau_g / N * over_ideal(m, tau_g) + friction(m, m->w, tau_load) - m->tau_add;
 
   /* J_o dw_o/dt = tau_g - tau_s, eq. 2.30 */
   m->der_phi_o = m->w_o;
-  m->der_w_o = (tau_g - m->tau_s + m->tau_o_add) / m->output_J_o;
+  m->der_w_o = (tau_g * output_share(m) - m->tau_s + m->tau_o_add) / m->output_J_o;
 
   m->tau_g = tau_g;
   m->delta = delta;

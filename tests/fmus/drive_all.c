@@ -31,7 +31,7 @@ static int run(fmi2Component c, int steps) {
   for (int k = 0; k < steps; k++) {
     for (fmi2ValueReference vr = FIRST_INPUT; vr < FIRST_INPUT + N_INPUT; vr++) {
       const double nominal = REAL_INFO[vr].nominal, omega = 20 + vr, t = ((Instance *)c)->unit.time;
-      const double u = 0.3 * nominal * sin(omega * t), du = 0.3 * nominal * omega * cos(omega * t);
+      const double u = fmax(lowest(vr), 0.3 * nominal * sin(omega * t)), du = 0.3 * nominal * omega * cos(omega * t);
       const fmi2Integer first = 1;
       OK(fmi2SetReal(c, &vr, 1, &u));
       OK(fmi2SetRealInputDerivatives(c, &vr, 1, &first, &du));

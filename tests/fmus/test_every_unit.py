@@ -266,7 +266,7 @@ def test_output_derivatives_are_those_of_the_outputs(load: Load, make: Make, nam
 
 
 def test_directional_derivatives_are_those_of_the_outputs(load: Load, make: Make, name: str) -> None:
-    slave = make(name)
+    slave = make(name, {"J_coupled": 1e-5} if name == "motor_bldc" else {})  # both sides lie within its bounds
     excite(slave, end=0.1)
     inputs, outputs = slave.inputs(), slave.outputs()
     for key in inputs:

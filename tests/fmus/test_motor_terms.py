@@ -22,13 +22,22 @@ def change(make: Make, variable: str, term: dict[str, float], start: dict[str, f
     return float(on.rate(variable) - off.rate(variable))
 
 
-def test_torque_per_ampere_falls_with_the_square_of_the_current(make: Make) -> None:
-    motor = make("motor_bldc", {**STATE, "torque_saturation.s": 7e-4})
-    assert motor["tau_e"] == pytest.approx(K * 3 * (1 - 7e-4 * 9), rel=1e-12)
+@pytest.mark.parametrize("i", [3.0, -3.0, 40.0])
+def test_torque_per_ampere_falls_with_the_square_of_the_current_and_keeps_its_sign(make: Make, i: float) -> None:
+    motor = make("motor_bldc", {**STATE, "x_i": i, "torque_saturation.s": 7e-4})
+    assert motor["tau_e"] == pytest.approx(K * i / (1 + 7e-4 * i**2), rel=1e-12)
 
 
-def test_saturation_leaves_the_back_emf(make: Make) -> None:
+def test_saturation_leaves_the_back_emf_of_a_driving_motor(make: Make) -> None:
     assert change(make, "x_i", {"torque_saturation.s": 7e-4}) == 0
+
+
+def test_a_saturated_motor_that_brakes_gives_the_supply_no_more_than_the_shaft_gives_it(make: Make) -> None:
+    """the back-EMF falls as the torque does: e i = tau_e w"""
+    start = {**STATE, "x_i": -20.0, "set_value": 0.5, "torque_saturation.s": 2e-3}
+    motor = make("motor_bldc", start)
+    e = motor["v"] - R * -20.0 - L * motor.rate("x_i")
+    assert e * -20.0 == pytest.approx(motor["tau_e"] * 40.0, rel=1e-9)
 
 
 def test_dead_time_takes_voltage_with_the_sign_of_the_current(make: Make) -> None:
@@ -79,6 +88,13 @@ def test_torque_ripple_is_in_proportion_to_the_torque(make: Make) -> None:
     for i in (3.0, -1.0):
         motor = make("motor_bldc", {**STATE, "x_i": i, **term})
         assert motor["tau_e"] == pytest.approx(K * i * (1 + 0.05 * np.sin(6 * 0.9 + 0.4)), rel=1e-12)
+
+
+def test_back_emf_ripples_as_the_torque_does(make: Make) -> None:
+    """virtual work: e i = tau_e w at every angle"""
+    term = {"torque_ripple.A": 0.05, "torque_ripple.n": 6.0, "torque_ripple.phi_0": 0.4}
+    expected = -K * 0.05 * np.sin(6 * 0.9 + 0.4) * 40.0 / L
+    assert change(make, "x_i", term) == pytest.approx(expected, rel=1e-9)
 
 
 def test_resistance_rises_with_the_windings_temperature(make: Make) -> None:

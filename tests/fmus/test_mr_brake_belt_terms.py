@@ -96,9 +96,9 @@ def test_imbalance_swings_like_a_pendulum(make: Make) -> None:
 
 
 @pytest.mark.parametrize("w_p", [1.3, -1.3])
-def test_position_friction_changes_sign_with_speed_and_along_the_turn(make: Make, w_p: float) -> None:
+def test_position_friction_changes_sign_with_speed_and_size_along_the_turn(make: Make, w_p: float) -> None:
     term = {"position_friction.T": 0.1, "position_friction.n": 2.0, "position_friction.phi_0": 0.5}
-    expected = -0.1 * np.sin(2 * 0.7 + 0.5) * np.sign(w_p) / J_P
+    expected = -0.1 * (1 + np.sin(2 * 0.7 + 0.5)) * np.sign(w_p) / J_P
     assert change(make, "w_p", term, {"w_p": w_p}) == pytest.approx(expected, rel=1e-9)
 
 
@@ -111,21 +111,19 @@ def test_position_friction_with_a_mean_of_its_amplitude_always_resists(make: Mak
     assert slowed * w_p <= 0
 
 
-def test_creeping_belt_loses_speed_in_proportion_to_its_torque(make: Make) -> None:
-    brake = make("mr_brake_belt", {"tau_s": 1.0, "belt_creep.x": 0.5})
+def test_creeping_belt_loses_a_share_of_its_speed_in_proportion_to_its_torque(make: Make) -> None:
+    brake = make("mr_brake_belt", {"tau_s": 1.0, "belt_creep.x": 0.1})
     brake.step(30.0)
     tau_belt = 1.0 / R
     assert brake["tau_belt"] == pytest.approx(tau_belt, rel=1e-5)
-    assert R * brake["w_p"] - brake["w_b"] == pytest.approx(0.5 * tau_belt, rel=1e-5)
+    assert brake["w_b"] == pytest.approx(R * brake["w_p"] * (1 - 0.1 * tau_belt), rel=1e-5)
 
 
-def test_creep_lets_a_held_belt_relax(make: Make) -> None:
-    """both ends held by immense inertias: d(stretch)/dt = -x c_b stretch/(1 + x d_b)"""
+def test_belt_under_torque_at_rest_does_not_creep(make: Make) -> None:
+    """both ends held by immense inertias that stand still"""
     held = {"pulley.J_p": 1e3, "brake.J_b": 1e3, "brake.tau_off": 0.0}
-    out = make("mr_brake_belt", {"phi_p": 0.01, "belt_creep.x": 5.0, **held}).run(0.02, 1e-3, ["tau_belt"])
-    rate = 5.0 * C_B / (1 + 5.0 * D_B)
-    expected = C_B * R * 0.01 / (1 + 5.0 * D_B) * np.exp(-rate * out["time"])
-    np.testing.assert_allclose(out["tau_belt"], expected, atol=2e-4)
+    out = make("mr_brake_belt", {"phi_p": 0.01, "belt_creep.x": 1.0, **held}).run(0.02, 1e-3, ["tau_belt"])
+    np.testing.assert_allclose(out["tau_belt"], C_B * R * 0.01, rtol=2e-3)  # they yield by 1e-5 rad
 
 
 @pytest.mark.parametrize("h", [1e-3, 0.1])

@@ -41,6 +41,31 @@ def test_driving_load_pays_for_the_efficiency(make: Make, tau_g: float, w: float
     assert gear["tau"] == pytest.approx(tau_g / N * ETA, rel=1e-9)
 
 
+@pytest.mark.parametrize("member", [3, 4])
+@pytest.mark.parametrize(("tau_g", "w"), [(5.0, 300.0), (-5.0, -300.0), (5.0, -300.0), (-5.0, 300.0)])
+def test_held_carrier_turns_the_output_backwards_and_loses_power_all_the_same(
+    make: Make, member: int, tau_g: float, w: float
+) -> None:
+    """the two rows of Table 2.3 with N < 0: power flows forwards where tau_g and w differ in sign"""
+    ratio = {"ratio.from": 2, "ratio.stages": 1, "ratio.member_1": member, "ratio.z_s_1": 15, "ratio.z_r_1": 50}
+    n = {3: -50 / 15, 4: -15 / 50}[member]
+    start = in_contact(tau_g, w) | {"phi": n * (np.sign(tau_g) * B / 2 + tau_g / C), "w_o": w / n}
+    gear = make("planetary_gear", start | ratio)
+    eta = 1 / ETA if tau_g * w / n > 0 else ETA
+    assert gear["tau_g"] == pytest.approx(tau_g, rel=1e-9)
+    assert gear["tau"] == pytest.approx(tau_g / n * eta, rel=1e-9)
+
+
+def test_mesh_is_ideal_without_power_and_makes_none_around_it(make: Make) -> None:
+    """eq. 2.26 with the smooth m gives power away for -0.144 W < tau_g*w < 0"""
+    loss = []
+    for w in (-0.07, -0.05, -0.02, 0.0, 0.02, 0.05):
+        gear = make("planetary_gear", in_contact(2.0, w))
+        loss.append((gear["tau"] - 2 / N) * w)
+    assert min(loss) >= -1e-12
+    assert make("planetary_gear", in_contact(2.0, 0.0))["tau"] == pytest.approx(2 / N, rel=1e-12)
+
+
 def test_direction_of_power_changes_smoothly_over_p_0(make: Make) -> None:
     gear = make("planetary_gear", in_contact(2.0, 0.25))
     m = (1 + np.tanh(2.0 * 0.25 / 1.0)) / 2
@@ -233,6 +258,17 @@ def test_transmission_error_adds_to_the_twist(make: Make, n: float) -> None:
     assert gear["delta"] == pytest.approx(delta, rel=1e-9)
     rate = A * n * w_o * np.cos(n * phi_o + phi_0)
     assert gear["tau_g"] == pytest.approx(C * (delta - B / 2) + D_G * rate, rel=1e-7)
+
+
+@pytest.mark.parametrize("n", [1.0, 40.0])
+def test_transmission_error_neither_makes_nor_loses_energy(make: Make, n: float) -> None:
+    """the output turns against an ideal mesh whose input stands: spring and inertia exchange what there is"""
+    term = {"transmission_error.A": 2e-3, "transmission_error.n": n, "mesh.b": 0.0, "mesh.d_g": 0.0}
+    gear = make("planetary_gear", {**term, **FRICTIONLESS, "w_o": 1.0, "output.J_o": 0.1}, tolerance=1e-9)
+    out = gear.run(0.2, 1e-3, ["w_o", "tau_g"])
+    energy = 0.1 * out["w_o"] ** 2 / 2 + out["tau_g"] ** 2 / (2 * C)
+    assert np.ptp(out["tau_g"]) > 1
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-4)
 
 
 def test_added_angle_winds_the_mesh_up(make: Make) -> None:

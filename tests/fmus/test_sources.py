@@ -52,7 +52,9 @@ def test_sources_compile_and_behave_bit_by_bit_like_the_binary(
     results = []
     for fmu in (name, archive):
         slave = instantiate(fmu).initialise()
-        waves = {n: _wave(float(unit.variables[n].nominal), k) for k, n in enumerate(slave.inputs())}
+        waves = {
+            n: _wave(float(unit.variables[n].nominal), k) for k, n in enumerate(slave.inputs()) if n != "J_coupled"
+        }
         out = slave.run(0.2, 1e-3, slave.outputs(), waves)
         results.append(np.array([out[n] for n in slave.outputs()]))
     np.testing.assert_array_equal(*results)

@@ -93,7 +93,7 @@ static void refresh(Unit *m) {
     m->stale = 1;
   }
   if (!m->stale) return;
-  evaluate(m, m->time);
+  evaluate_outputs(m, m->time);
   m->stale = 0;
 }
 
@@ -119,9 +119,7 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component component) {
       FAIL(c, "fmi2ExitInitializationMode: %s is not finite; check the parameters",
            full_name(name, REAL_INFO[i].term, REAL_INFO[i].name));
     }
-#if defined UNIT_SAMPLED
-  unit_sample(&c->unit);
-#endif
+  end_of_step(&c->unit);
   c->phase = STEPPING;
   return fmi2OK;
 }

@@ -35,6 +35,14 @@ static inline void evaluate(Unit *m, double t) {
   unit_equations(m);
 }
 
+/* every output, as someone who reads it wants it; the integrator does without what only they want */
+static inline void evaluate_outputs(Unit *m, double t) {
+  evaluate(m, t);
+#if defined UNIT_OBSERVED
+  unit_observe(m);
+#endif
+}
+
 #if defined UNIT_EVENTS
 static inline bool event_pending(const Unit *m, double z[]) {
   bool any = false;
@@ -127,6 +135,17 @@ static double first_event(const Unit *m, double t, double h, const double x0[], 
   return high;
 }
 #endif
+
+/* what a unit does once per communication point */
+static inline void end_of_step(Unit *m) {
+  (void)m;
+#if defined UNIT_SAMPLED
+  unit_sample(m);
+#endif
+#if defined UNIT_OBSERVED
+  unit_observe(m);
+#endif
+}
 
 /* From m->time to t_end. Returns NULL, or why it could not be done. */
 static const char *integrate(Unit *m, double t_end) {

@@ -56,7 +56,7 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2Value
   const double dt = 1e-7; /* s; what is fast here changes within 1e-4 s and more */
   Unit near = *m;
   for (int i = 0; i < N_X; i++) near.real[i] = m->real[i] + dt * m->real[FIRST_DER + i];
-  evaluate(&near, m->time + dt);
+  evaluate_outputs(&near, m->time + dt);
   for (size_t i = 0; i < n; i++)
     value[i] = (int)vr[i] < N_X ? m->real[FIRST_DER + vr[i]] : (near.real[vr[i]] - m->real[vr[i]]) / dt;
   return fmi2OK;
@@ -95,9 +95,7 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
     c->phase = FAILED;
     FAIL(c, "fmi2DoStep: from %g s by %g s: %s", t, h, trouble);
   }
-#if defined UNIT_SAMPLED
-  unit_sample(m);
-#endif
+  end_of_step(m);
   return fmi2OK;
 }
 

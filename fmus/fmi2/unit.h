@@ -146,12 +146,14 @@ static void unit_start(Unit *m);
 /* derivatives and outputs from time, states, inputs and parameters; changes nothing else */
 static void unit_equations(Unit *m);
 /* with EVENT rows: z[k] turns positive where event k happens; then what the event changes.
- * With #define UNIT_SAMPLED in equations.c: unit_sample(m), once at the end of each communication step. */
+ * With #define UNIT_SAMPLED in equations.c: unit_sample(m), once at the end of each communication step.
+ * With #define UNIT_OBSERVED: unit_observe(m), outputs that follow from the states and that nothing else needs. */
 
 #define PI 3.14159265358979323846
 /* smoothed sign, RIG.md */
 static inline double sgn(double w, double e) { return tanh(w / e); }
 static inline double square(double x) { return x * x; }
+static inline double positive(double x) { return x > 0 ? x : 0; } /* fmax would be a call, for the sake of NaN */
 static inline double clamp(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
 
 #endif

@@ -21,7 +21,7 @@ static inline double friction(Unit *m, double w, double tau_load) {
   double sliding = (1 - share) * tau_C;
   if (m->stribeck_tau_S != 0) sliding += m->stribeck_tau_S * exp(-square(w / m->stribeck_w_S));
   if (m->friction_asymmetry_tau_A != 0) sliding += m->friction_asymmetry_tau_A * (direction + m->friction_asymmetry_m);
-  double tau = fmax(0, sliding) * direction + viscous(m, w) * w; /* what slides never drives */
+  double tau = positive(sliding) * direction + viscous(m, w) * w; /* what slides never drives */
   if (m->windage_c != 0) tau += m->windage_c * w * fabs(w);
 
   /* bristles keep the energy phi_s z^2/2: tau w = d/dt(phi_s z^2/2) + |w| z^2, also where the load changes tau_C */

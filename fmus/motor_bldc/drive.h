@@ -16,7 +16,7 @@ static inline double speed_limit(const Unit *m, double accelerating) {
 
 static inline double drive(Unit *m, double i, double e, double R) {
   const bool limited = m->drive_i_peak > 0;
-  const double v_max = m->drive_v_max > 0 ? m->drive_v_max : 1e9;
+  const double v_bus = m->inverter_v_bus, v_max = m->drive_v_max > 0 && m->drive_v_max < v_bus ? m->drive_v_max : v_bus;
   double v;
   m->der_q_i = 0;
   m->der_q_t = limited && (m->q_t > 0 || fabs(i) > m->drive_i_cont) ? square(i) - square(m->drive_i_cont) : 0;

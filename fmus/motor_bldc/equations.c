@@ -1,5 +1,6 @@
 /* BLDC motor with inverter and drive; the table beside this file has every equation's source. */
 #define UNIT_EVENTS
+#define UNIT_OBSERVED
 #define UNIT_SAMPLED
 #include "fmi2/unit.h"
 
@@ -21,7 +22,7 @@ static void unit_equations(Unit *m) {
 
   /* winding: R(T_w), eq. 3.1; the line is not one to absolute zero */
   const double T_w = m->winding_heating_T_a + m->rise;
-  const double R = m->winding_R * fmax(0, 1 + m->winding_heating_alpha * (T_w - 298.15));
+  const double R = m->winding_R * positive(1 + m->winding_heating_alpha * (T_w - 298.15));
 
   const int n = averaged ? 0 : modulo6(m->sector[0]);
   const double i3[3] = {m->x_ia, m->x_ib, -m->x_ia - m->x_ib};
@@ -76,37 +77,45 @@ static void unit_equations(Unit *m) {
   }
 }
 
+/* counts in quadrature that the encoder's electronics have seen; those above its highest frequency are lost */
+static double encoder_counts(const Unit *m) { return floor(4 * m->encoder_lines * m->phi / (2 * PI)) - m->lost[0]; }
+
 /* what only an observer needs: phase quantities of the DC equivalent, Hall code, encoder */
-static void unit_sample(Unit *m) {
+static void unit_observe(Unit *m) {
   const int n = m->motor_level == AVERAGED ? modulo6(sector_of(m->phi)) : modulo6(m->sector[0]);
   if (m->motor_level == AVERAGED) {
-    double i3[3] = {0};
+    double i3[3] = {0}, shape[3];
     i3[HIGH[n]] = m->x_i;
     i3[LOW[n]] = -m->x_i;
     m->i_a = i3[0];
     m->i_b = i3[1];
     m->i_c = i3[2];
-    double shape[3];
     trapezoids(m->phi, shape);
-    m->e_a = m->winding_k / 2 * m->w * shape[0];
-    m->e_b = m->winding_k / 2 * m->w * shape[1];
-    m->e_c = m->winding_k / 2 * m->w * shape[2];
+    const double e = emf_constant(m, m->x_i, m->x_i * m->w < 0) / 2 * m->w;
+    m->e_a = e * shape[0];
+    m->e_b = e * shape[1];
+    m->e_c = e * shape[2];
   }
   m->hall = HALL[n];
   m->H1 = m->hall & 1;
   m->H2 = m->hall >> 1 & 1;
   m->H3 = m->hall >> 2 & 1;
 
-  const double lines = m->encoder_lines, count = floor(4 * lines * m->phi / (2 * PI)), turn = 4 * lines;
+  const double count = encoder_counts(m), turn = 4.0 * m->encoder_lines;
   m->encoder_count = (int)fmod(count, 2147483648.0);
   m->encoder_index = count - turn * floor(count / turn) == 0;
-  const double dt = m->time - m->counted[1];
-  if (dt > 0) {
-    const double fastest = 2 * PI * m->encoder_f_max / lines;
-    const double w = clamp((count - m->counted[0]) * 2 * PI / turn / dt, -fastest, fastest);
+}
+
+/* the drive's reading of the speed: counts since the last communication point, filtered */
+static void unit_sample(Unit *m) {
+  const double dt = m->time - m->counted[1], before = m->counted[0];
+  if (m->time > m->start_time && dt > 0) {
+    const double most = floor(4 * m->encoder_f_max * dt), seen = encoder_counts(m) - before;
+    if (fabs(seen) > most) m->lost[0] += seen - copysign(most, seen);
+    const double w = (encoder_counts(m) - before) * 2 * PI / (4 * m->encoder_lines) / dt;
     m->w_reading += (1 - exp(-dt / m->drive_T_w)) * (w - m->w_reading);
   }
-  m->counted[0] = count;
+  m->counted[0] = encoder_counts(m);
   m->counted[1] = m->time;
 }
 

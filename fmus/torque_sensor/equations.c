@@ -1,9 +1,7 @@
 /* Torque sensor with amplifier; the table beside this file has every equation's source. */
 #include "fmi2/unit.h"
 
-static void unit_start(Unit *m) {
-  if (m->time == 0 && m->low_pass_T > 0) m->y_f = 0;
-}
+static void unit_start(Unit *m) { (void)m; }
 
 static void unit_equations(Unit *m) {
   /* couplings in series with the shaft */

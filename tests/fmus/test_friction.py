@@ -109,3 +109,18 @@ def test_presliding_springs_back_below_breakaway(make: Make) -> None:
     z = 2e-4 / 1.2e-3
     assert bristle["phi"] == pytest.approx(-0.05 * np.log(1 - z), rel=0.02)
     assert creep["phi"] > 10 * bristle["phi"]
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_warmup_counts_from_the_start_of_the_run(instantiate: Make, name: str) -> None:
+    values = {"w": 100.0, "viscous_warmup.fade": 0.3, "viscous_warmup.T": 4.0}
+    values |= {"rotor.J": 1e3, "enable": False} if name == "motor_bldc" else {}
+    cold = []
+    for start in (0.0, 50.0):
+        slave = instantiate(name)
+        slave.fmu.setupExperiment(startTime=start)
+        slave.set(values)
+        slave.fmu.enterInitializationMode()
+        slave.fmu.exitInitializationMode()
+        cold.append(friction(slave))
+    assert cold[1] == cold[0]

@@ -159,3 +159,22 @@ def test_winding_warms_up_by_its_losses(make: Make) -> None:
     out = make("motor_bldc", start).run(60.0, 1.0, ["T_w"])
     rise = 4.0 * R * 16 * (1 - np.exp(-out["time"] / 20.0))
     np.testing.assert_allclose(out["T_w"], 298.15 + rise, atol=0.01)
+
+
+def test_phases_hall_and_encoder_show_during_the_initialization(instantiate: Make) -> None:
+    motor = instantiate("motor_bldc")
+    motor.fmu.setupExperiment()
+    motor.fmu.enterInitializationMode()
+    motor.set({"phi": 1.0, "w": 100.0, "x_i": 2.0})  # 57 degrees: A high, B low
+    assert motor["hall"] == 1
+    assert (motor["H1"], motor["H2"], motor["H3"]) == (1, 0, 0)
+    assert (motor["i_a"], motor["i_b"], motor["i_c"]) == (2, -2, 0)
+    assert motor["e_a"] == pytest.approx(K / 2 * 100)
+    assert motor["e_b"] == pytest.approx(-K / 2 * 100)
+    assert motor["encoder_count"] == np.floor(2000 / (2 * np.pi))
+
+
+def test_derivatives_of_phase_outputs_are_theirs(make: Make) -> None:
+    motor = make("motor_bldc", {"phi": 1.0, "w": 100.0, "x_i": 2.0, "set_value": 5.0})
+    assert motor.rate("i_a") == pytest.approx(motor.rate("x_i"), rel=1e-4)
+    assert motor.rate("e_a") == pytest.approx(K / 2 * motor.rate("w"), rel=1e-4)

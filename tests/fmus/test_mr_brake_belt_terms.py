@@ -143,3 +143,9 @@ def test_external_torque_can_be_switched_on_while_the_run_goes_on(make: Make) ->
     brake.set({"external_torque.T": 0.1})
     brake.step(0.5)
     assert brake["w_p"] == pytest.approx(0.1 * 0.5 / J_P, rel=1e-6)
+
+
+def test_heat_that_fades_the_torque_leaves_with_the_cooling(make: Make) -> None:
+    brake = make("mr_brake_belt", {"E": 3000.0, "brake_fade.x": 2e-4, "brake_fade.T_c": 50.0})
+    brake.step(100.0)
+    assert brake["E"] == pytest.approx(3000 * np.exp(-2), rel=1e-4)

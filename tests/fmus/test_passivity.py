@@ -1,8 +1,8 @@
 """No unit makes energy, whatever its terms are set to inside their bounds.
 
 Per unit and drawn set of parameters, states and inputs: power in = power out + d/dt stored + dissipated, with
-dissipated >= 0. Stored energy is that of the equations in the unit's table. `pytest -m long tests/fmus/test_passivity.py`
-draws 10,000 sets per unit.
+dissipated >= 0. Stored energy is that of the equations in the unit's table. 200 sets per unit;
+`pytest -m long tests/fmus/test_passivity.py` draws 10,000.
 """
 
 from __future__ import annotations

@@ -139,3 +139,8 @@ def test_misalignment_ripples_with_the_driven_shafts_turn(make: Make, n: float) 
     sensor = make("torque_sensor", {"phi_o": 1.5, "phi_p": 1.5, **term})
     assert sensor["tau_s"] == 0
     assert sensor["tau_reading"] == pytest.approx(0.06 * np.sin(n * 1.5 + 0.2), rel=1e-12)
+
+
+def test_filter_starts_where_it_is_told_to(make: Make) -> None:
+    sensor = make("torque_sensor", {"low_pass.T": 0.02, "low_pass.T_s": 0.0, "y_f": 5.0})
+    assert sensor["tau_reading"] == 5.0

@@ -1,9 +1,8 @@
-"""Values that make no sense are refused, in calls and in the start values of a repaired unit."""
+"""Values of states, inputs and parameters that make no sense are refused."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -34,8 +33,3 @@ def test_nonsense_is_refused_with_both_bounds(instantiate: Make, name: str, vari
     assert f"{variable} = {value:g}" in slave.log[0]
     assert f"is outside {low:g} to {high:g}" in slave.log[0]
     assert slave[variable] == before
-
-
-def test_nonsense_as_a_start_value_refuses_the_instance(repaired: Callable[..., Path], instantiate: Make) -> None:
-    with pytest.raises(Exception, match="instantiate"):
-        instantiate(repaired("tau_m = -1"))

@@ -66,6 +66,7 @@ def test_fmpy_simulates_with_them_and_no_start_values_given(repaired: Callable[.
     [
         "brake.tau_of = 0.1",
         "brake.tau_off = -1",
+        "tau_m = -1",
         "brake.tau_off = much",
         "brake.tau_off = 0.1 N.m",
         "brake.tau_off = 0.1x",

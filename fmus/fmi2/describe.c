@@ -51,6 +51,18 @@ static const UnitOfMeasure UNITS[] = {
 #include "fmi2/units.def"
 };
 
+/* as people read angles and speeds */
+typedef struct {
+  const char *unit, *name;
+  double factor;
+} DisplayUnit;
+static const DisplayUnit *display_unit(const char *unit) {
+  static const DisplayUnit ALL[] = {{"rad", "deg", 180 / PI}, {"rad/s", "rpm", 30 / PI}};
+  for (size_t i = 0; i < sizeof ALL / sizeof *ALL; i++)
+    if (strcmp(ALL[i].unit, unit) == 0) return &ALL[i];
+  return NULL;
+}
+
 static void escaped(const char *text) {
   for (; *text; text++) switch (*text) {
       case '<': fputs("&lt;", stdout); break;
@@ -108,6 +120,7 @@ static void xml_real(int i) {
          : settable          ? "exact"
                              : "calculated");
   printf("<Real unit=\"%s\"", r->unit);
+  if (display_unit(r->unit)) printf(" displayUnit=\"%s\"", display_unit(r->unit)->name);
   if (lowest((size_t)i) > -DBL_MAX) printf(" min=\"%.17g\"", lowest((size_t)i));
   if (highest((size_t)i) < DBL_MAX) printf(" max=\"%.17g\"", highest((size_t)i));
   if (r->kind != IS_PARAMETER) printf(" nominal=\"%.17g\"", r->nominal);
@@ -257,7 +270,10 @@ static int xml(const char *version) {
     exponent("K", u->K);
     exponent("rad", u->rad);
     if (u->factor != 1) printf(" factor=\"%.17g\"", u->factor);
-    printf("/></Unit>\n");
+    printf("/>");
+    const DisplayUnit *d = display_unit(u->name);
+    if (d) printf("<DisplayUnit name=\"%s\" factor=\"%.17g\"/>", d->name, d->factor);
+    printf("</Unit>\n");
   }
   printf("  </UnitDefinitions>\n");
   xml_enumerations();

@@ -125,7 +125,7 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component component) {
 }
 
 fmi2Status fmi2Terminate(fmi2Component component) {
-  NEEDS(STEPPING | FAILED);
+  NEEDS(STEPPING);
   c->phase = TERMINATED;
   return fmi2OK;
 }

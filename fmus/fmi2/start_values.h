@@ -105,12 +105,26 @@ static inline bool set_late(LateValues *late, const Unit *m, const char *name, d
 static inline bool apply_late(const LateValues *late, Unit *m) {
   bool changed = false;
   for (int k = 0; k < late->n; k++) {
-    double *p = &m->real[late->of[k].reference];
-    if (m->time < late->of[k].from - 1e-9 || *p == late->of[k].value) continue;
-    *p = late->of[k].value;
+    if (m->changed >> k & 1 || m->time < late->of[k].from - 1e-9) continue;
+    m->real[late->of[k].reference] = late->of[k].value;
+    m->changed |= 1u << k;
     changed = true;
   }
   return changed;
+}
+
+/* when the next one comes */
+static inline double next_late(const LateValues *late, const Unit *m) {
+  double next = INFINITY;
+  for (int k = 0; k < late->n; k++)
+    if (!(m->changed >> k & 1)) next = fmin(next, late->of[k].from);
+  return next;
+}
+
+/* the user's value stays */
+static inline void forget_late(const LateValues *late, Unit *m, int reference) {
+  for (int k = 0; k < late->n; k++)
+    if (late->of[k].reference == reference) m->changed |= 1u << k;
 }
 
 /* resources/ of one instance into its start values, if the file's guid is the one asked for */

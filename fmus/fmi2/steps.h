@@ -69,6 +69,18 @@ static bool all_finite(const Unit *m) {
   return !lost;
 }
 
+/* to t_end, late values of parameters as events on the way */
+static const char *advance(Instance *c, double t_end) {
+  Unit *m = &c->unit;
+  for (;;) {
+    if (apply_late(&c->late, m)) m->restart = 1;
+    refresh(m);
+    const double stop = fmin(t_end, next_late(&c->late, m));
+    const char *trouble = integrate(m, stop);
+    if (trouble || stop >= t_end) return trouble;
+  }
+}
+
 fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boolean no_rollback) {
   NEEDS(STEPPING);
   (void)no_rollback;
@@ -79,7 +91,6 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
     FAIL(c, "fmi2DoStep: currentCommunicationPoint %.12g, but the unit is at %.12g", t, m->time);
   if (t + h > c->stop_time + slack)
     FAIL(c, "fmi2DoStep: the step ends at %g, behind the stop time %g", t + h, c->stop_time);
-  if (apply_late(&c->late, m)) m->restart = 1;
   refresh(m);
   for (int j = 0; j < N_INPUT; j++) { /* an input that nobody set stays where it got to */
     if (!m->u[j].fresh) {
@@ -89,7 +100,7 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
     }
     m->u[j].fresh = 0;
   }
-  const char *trouble = integrate(m, t + h);
+  const char *trouble = advance(c, t + h);
   if (!trouble && !all_finite(m)) trouble = "a variable left the range of numbers";
   if (trouble) {
     c->phase = FAILED;

@@ -136,6 +136,7 @@ typedef struct Unit {
   double tolerance; /* local error per step, relative to each state's nominal value */
   int stale;        /* derivatives and outputs no longer belong to states, inputs and parameters */
   int restart;      /* parameters changed: unit_start has to run again */
+  uint32_t changed; /* bit k: the k-th late value of resources/ has come, or the user set that parameter */
 #define MEMORY(type, name, count) type name[count];
 #include "fmi2/rows.h"
 } Unit;

@@ -5,7 +5,7 @@
 #include "fmi2/instance.h"
 
 fmi2Status fmi2GetReal(fmi2Component component, const fmi2ValueReference vr[], size_t n, fmi2Real value[]) {
-  NEEDS(ANY);
+  NEEDS(READABLE);
   CHECK_LIST(0, N_PUBLIC, "real");
   if (c->phase & (INITIALIZATION | STEPPING)) refresh(&c->unit);
   for (size_t i = 0; i < n; i++) value[i] = c->unit.real[vr[i]];
@@ -13,7 +13,7 @@ fmi2Status fmi2GetReal(fmi2Component component, const fmi2ValueReference vr[], s
 }
 
 fmi2Status fmi2GetInteger(fmi2Component component, const fmi2ValueReference vr[], size_t n, fmi2Integer value[]) {
-  NEEDS(ANY);
+  NEEDS(READABLE);
   CHECK_LIST(1, N_INTEGER, "integer");
   if (c->phase & (INITIALIZATION | STEPPING)) refresh(&c->unit);
   for (size_t i = 0; i < n; i++) value[i] = c->unit.integer[vr[i]];
@@ -21,7 +21,7 @@ fmi2Status fmi2GetInteger(fmi2Component component, const fmi2ValueReference vr[]
 }
 
 fmi2Status fmi2GetBoolean(fmi2Component component, const fmi2ValueReference vr[], size_t n, fmi2Boolean value[]) {
-  NEEDS(ANY);
+  NEEDS(READABLE);
   CHECK_LIST(1, N_BOOLEAN, "Boolean");
   if (c->phase & (INITIALIZATION | STEPPING)) refresh(&c->unit);
   for (size_t i = 0; i < n; i++) value[i] = c->unit.boolean[vr[i]];
@@ -29,7 +29,7 @@ fmi2Status fmi2GetBoolean(fmi2Component component, const fmi2ValueReference vr[]
 }
 
 fmi2Status fmi2GetString(fmi2Component component, const fmi2ValueReference vr[], size_t n, fmi2String value[]) {
-  NEEDS(ANY);
+  NEEDS(READABLE);
   (void)value;
   if (n > 0) FAIL(c, "fmi2GetString: value reference %u: this unit has no string variables", vr ? vr[0] : 0);
   return fmi2OK;
@@ -66,6 +66,7 @@ fmi2Status fmi2SetReal(fmi2Component component, const fmi2ValueReference vr[], s
       if (!is_input(vr[i])) m->restart = 1;
     }
     if (is_input(vr[i])) begin_input(m, (int)vr[i] - FIRST_INPUT, value[i]);
+    if (REAL_INFO[vr[i]].kind == IS_PARAMETER) forget_late(&c->late, m, (int)vr[i]);
   }
   return fmi2OK;
 }

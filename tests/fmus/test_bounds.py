@@ -26,6 +26,8 @@ NONSENSE = [
 @pytest.mark.parametrize(("name", "variable", "value"), NONSENSE)
 def test_nonsense_is_refused_with_both_bounds(instantiate: Make, name: str, variable: str, value: float) -> None:
     slave = instantiate(name)
+    slave.fmu.setupExperiment()
+    slave.fmu.enterInitializationMode()
     before = slave[variable]
     with pytest.raises(FMICallException):
         slave.set({variable: value})

@@ -95,6 +95,13 @@ def test_every_real_has_a_unit_and_every_moving_one_a_nominal_value(load: Load, 
             assert variable.causality == "parameter" or variable.nominal, variable.name
 
 
+def test_angles_are_shown_in_degrees_and_speeds_in_turns_per_minute(load: Load, name: str) -> None:
+    shown = {"rad": "deg", "rad/s": "rpm"}
+    for variable in load(name).variables.values():
+        if variable.type == "Real":
+            assert variable.displayUnit == shown.get(variable.unit), variable.name
+
+
 @pytest.mark.parametrize(("name", "term"), TERMS)
 def test_term_says_where_it_comes_from_and_starts_neutral(load: Load, name: str, term: str) -> None:
     unit = load(name)

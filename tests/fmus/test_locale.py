@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator.units import Unit
+from cobot_joint.units import Unit
 
 LOCALES = ("de_DE", "tr_TR")
 
@@ -27,6 +27,8 @@ for directory in sys.argv[3:]:
     slave = FMU2Slave(guid=description.guid, modelIdentifier=description.coSimulation.modelIdentifier,
                       unzipDirectory=directory, instanceName="unit")
     slave.instantiate()
+    slave.setupExperiment()
+    slave.enterInitializationMode()
     for variable in description.modelVariables:
         if variable.name == sys.argv[2]:
             print(slave.getReal([variable.valueReference])[0].hex())

@@ -25,6 +25,8 @@ def instance(directory: Path) -> Any:
         instanceName="brake",
     )
     slave.instantiate()
+    slave.setupExperiment()
+    slave.enterInitializationMode()
     return slave
 
 
@@ -48,6 +50,8 @@ def test_reset_returns_to_them(repaired: Callable[..., Path]) -> None:
     (vr,) = [v.valueReference for v in read_model_description(directory).modelVariables if v.name == "brake.tau_off"]
     slave.setReal([vr], [0.5])
     slave.reset()
+    slave.setupExperiment()
+    slave.enterInitializationMode()
     assert slave.getReal([vr]) == [0.123]
     slave.freeInstance()
 
@@ -87,3 +91,32 @@ def test_file_for_another_guid_refuses_the_instance(repaired: Callable[..., Path
     directory = repaired("brake.tau_off = 0.2", guid="{somebody-else}")
     with pytest.raises(Exception, match="instantiate"):
         instance(directory)
+
+
+def stepped(directory: Path, steps: list[float], name: str = "brake.tau_off", user: float | None = None) -> float:
+    """w_b after the steps under a torque; the user's value, if there is one, set after the first step."""
+    slave = instance(directory)
+    refs = {v.name: v.valueReference for v in read_model_description(directory).modelVariables}
+    slave.setReal([refs["tau_s"]], [1.0])
+    slave.exitInitializationMode()
+    time = 0.0
+    for h in steps:
+        slave.doStep(time, h)
+        time += h
+        if user is not None and time == steps[0]:
+            slave.setReal([refs[name]], [user])
+    result = slave.getReal([refs["w_b"], refs[name]])
+    slave.freeInstance()
+    assert user is None or result[1] == user
+    return float(result[0])
+
+
+def test_late_value_comes_at_its_time_also_within_a_step(repaired: Callable[..., Path]) -> None:
+    directory = repaired("brake.tau_off = 0.2 from 0.33")
+    assert stepped(directory, [1.0]) == pytest.approx(stepped(directory, [0.33, 0.67]), rel=1e-5)
+
+
+@pytest.mark.parametrize("first", [0.1, 0.5])
+def test_late_value_never_comes_over_one_that_the_user_set(repaired: Callable[..., Path], first: float) -> None:
+    stepped(repaired("brake.tau_off = 0.2 from 0.33"), [first, 0.5], user=0.15)
+

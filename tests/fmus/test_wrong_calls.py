@@ -281,3 +281,20 @@ def recovers(slave: Any) -> None:
     slave.initialise()
     slave.step(1e-3)
     assert np.all(np.isfinite(slave.reals(slave.outputs())))
+
+
+def test_nothing_is_read_before_the_initialization(instantiate: Make, name: str) -> None:
+    slave = instantiate(name)
+    with pytest.raises(FMICallException):
+        slave.reals(slave.outputs())
+    assert "fmi2GetReal is not allowed while the unit is instantiated" in slave.log[0]
+
+
+def test_failed_unit_cannot_be_terminated(make: Make) -> None:
+    slave = make("mr_brake_belt")
+    slave.set({"tau_s": 1e308})
+    with pytest.raises(FMICallException):
+        slave.step(1e-3)
+    with pytest.raises(FMICallException):
+        slave.fmu.terminate()
+    recovers(slave)

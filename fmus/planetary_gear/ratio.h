@@ -15,6 +15,7 @@ enum {
 
 /* input speed over output speed; infinite where nothing is held and no torque passes */
 static inline double stage_ratio(int member, double z_s, double z_r) {
+  if (z_r <= z_s) return NAN; /* the sun turns inside the ring; the initialization refuses */
   switch (member) {
     case SUN_IN_CARRIER_OUT: return (z_s + z_r) / z_s; /* eq. 2.27 */
     case RING_IN_CARRIER_OUT: return (z_s + z_r) / z_r;

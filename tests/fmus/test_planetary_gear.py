@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fmpy.fmi1 import FMICallException
 
 Make = Callable[..., Any]
 
@@ -221,6 +222,20 @@ def test_three_stages_as_built_make_338_over_3(make: Make) -> None:
 def test_ratio_of_stages_is_their_product(make: Make) -> None:
     start = {"ratio.stages": 2, "ratio.member_1": 3, "ratio.z_s_2": 20, "ratio.z_r_2": 60}
     assert ratio_of(make, start) == pytest.approx(-50 / 15 * 4, rel=1e-12)
+
+
+def test_stages_as_the_unit_starts_have_planets_with_whole_teeth(load: Callable[[str], Any]) -> None:
+    variables = load("planetary_gear").variables
+    for k in (1, 2, 3):
+        z_s, z_r = (int(variables[f"ratio.z_{x}_{k}"].start) for x in "sr")
+        assert (z_r - z_s) % 2 == 0
+
+
+def test_ring_smaller_than_its_sun_is_refused(instantiate: Make) -> None:
+    gear = instantiate("planetary_gear")
+    with pytest.raises(FMICallException):
+        gear.initialise({"ratio.from": 2, "ratio.z_s_1": 60, "ratio.z_r_1": 12})
+    assert "is not finite" in gear.log[0]
 
 
 def test_neutral_stage_passes_nothing(make: Make) -> None:

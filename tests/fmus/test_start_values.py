@@ -119,4 +119,3 @@ def test_late_value_comes_at_its_time_also_within_a_step(repaired: Callable[...,
 @pytest.mark.parametrize("first", [0.1, 0.5])
 def test_late_value_never_comes_over_one_that_the_user_set(repaired: Callable[..., Path], first: float) -> None:
     stepped(repaired("brake.tau_off = 0.2 from 0.33"), [first, 0.5], user=0.15)
-

@@ -45,7 +45,8 @@ DEGREE = 7  # degree of the polynomial in ln omega from which the data's own sca
 FITTED = 2  # leaders of the score that are fitted
 SEEN = (0.5, 50.0)  # whitened length that a probe of a term should have: seen, and not far from linear
 CALIBRATION = Precision(steps=4)  # on all frequencies, after a fit on those that cost little
-FINISHED = Precision(settled=0.1, steps=8)  # a term and what it stands in for leave a narrow valley
+FINISHED = Precision(settled=0.1, steps=12)  # a term and what it stands in for leave a narrow valley
+ROUNDS, GAINED = 8, 0.5  # of such fits at most, and chi-square that one has to gain; two that do not are the end
 Vector = NDArray[np.float64]
 Progress = Callable[[str], None]
 
@@ -210,10 +211,27 @@ def _fits(response: Response, alternative: Alternative, base: Fit, leaders: Sequ
             rough = fit(fast, base.hypothesis.with_effects(ActiveTerm(term, start)))
             if rough is None:
                 continue
-            found = fit(problem, rough.settled().hypothesis, rough.settled().x, precision=FINISHED)
+            found = _to_the_end(problem, rough)
             if found is not None:
                 fits[term.name] = found
     return fits
+
+
+def _to_the_end(problem: Problem, rough: Fit) -> Fit | None:
+    """Fitted to all frequencies, again from where it ended while that helps: in a narrow valley over rough amplitudes
+    steps end early, and a fresh Jacobian finds the way on. None: it cannot be simulated.
+    """
+    best, at, idle = None, rough.settled(), 0
+    for _ in range(ROUNDS):
+        found = fit(problem, at.hypothesis, at.x, precision=FINISHED)
+        if found is None:
+            break
+        idle = idle + 1 if best is not None and best.cost - found.cost < GAINED else 0
+        best = found if best is None or found.cost < best.cost else best
+        if idle == 2:
+            break
+        at = found.settled()
+    return best
 
 
 def choose(base: Fit, fits: Mapping[str, Fit], looked: int) -> tuple[Fit, tuple[str, ...]]:

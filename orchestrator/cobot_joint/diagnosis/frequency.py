@@ -176,7 +176,7 @@ def load_response(path: Path) -> Response:
         raise UserError(f"{path}: {len(given.recording)} [[recording]] are given, one table is allowed")
     file = path.parent / given.system if given.system.endswith((".ssd", ".ssp")) else given.system
     system = with_parameters(load_system(file), given.frequency_response.parameters, f"{path}: frequency_response")
-    table = path.parent / given.recording[0].file
+    table = path.parent / given.recording[0].patterns[0]
     omega, amplitude = read_amplitudes(table)
     recording = Recording(
         table.stem, "train", "default", omega, {}, {CHANNEL: np.log(amplitude)}, {CHANNEL: "1"}, path=table

@@ -11,7 +11,9 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from cobot_joint import paths
-from cobot_joint.diagnosis.data.recording import Connector, Recording, Role, read_recording
+from cobot_joint.diagnosis.data.delimited import Layout
+from cobot_joint.diagnosis.data.formats import nearest
+from cobot_joint.diagnosis.data.recording import Column, Connector, Reading, Recording, Role, read_recording
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.read import load_system
 
@@ -62,13 +64,30 @@ class Logged(_Model):
     setups: list[str] | None = None  # where it exists; None: in all
 
 
-First = Annotated[str, Field(pattern=r"^first sample( of .+)?$")]  # of the channel of the same name, or of another
+# "first sample", of the channel of the same name; "first sample of phi * 66", of another, times or over a number
+First = Annotated[str, Field(pattern=r"^first sample( of .+?)?(\s*[*/]\s*[-+.\deE]+)?$")]
+Scale = Annotated[float, Field(allow_inf_nan=False)] | str  # a number, or a quantity: "9.84 mN.m"
+
+
+class ColumnEntry(_Model):
+    """What [channels] says of a column, where a connector's name is not enough: x = sign*scale*column + offset."""
+
+    to: str  # the connector
+    scale: Scale | None = None
+    sign: Literal[1, -1] | None = None
+    offset: Scale = 0.0
+
+    @property
+    def column(self) -> Column:
+        """As a recording is read with it. Whoever gives a scale or sign has looked at it."""
+        looked = self.scale is not None or self.sign is not None
+        return Column(self.to, 1.0 if self.scale is None else self.scale, self.sign or 1, self.offset, looked)
 
 
 class RecordingEntry(_Model):
-    """One [[recording]] of campaign.toml."""
+    """One [[recording]] of campaign.toml: a file, or several that are read alike."""
 
-    file: str
+    file: str | list[str]  # names or patterns, "runs/*.csv": the files that no other entry names
     setup: str | None = None
     role: Role = "train"
     initial: dict[str, float | First] = Field(default_factory=dict)
@@ -76,6 +95,16 @@ class RecordingEntry(_Model):
     begin: float | None = None  # s on the file's clock: what lies before is left out
     end: float | None = None
     late: dict[str, float] = Field(default_factory=dict)  # column -> s by which its stamps are late
+    without: list[str] = Field(default_factory=list)  # columns or connectors that were not recorded
+    skip: Annotated[int, Field(ge=0)] | None = None  # of a text file: lines above the names; None: guessed
+    separator: str | None = None
+    encoding: str | None = None
+    decimal: Literal[",", "."] | None = None
+
+    @property
+    def patterns(self) -> list[str]:
+        """`file` as a list."""
+        return [self.file] if isinstance(self.file, str) else self.file
 
 
 class Alternative(_Model):
@@ -102,7 +131,8 @@ class CampaignFile(_Model):
     title: str = "untitled"
     system: str = "joint"
     setups: dict[str, str] = Field(default_factory=dict)  # set-up -> its .ssd or .ssp
-    channels: dict[str, str] = Field(default_factory=dict)  # column -> connector
+    channels: dict[str, str | ColumnEntry] = Field(default_factory=dict)  # column -> connector
+    initial: dict[str, float | First] = Field(default_factory=dict)  # of every recording that says nothing else
     tolerances: dict[str, Annotated[Tolerance, BeforeValidator(_tolerance)]] = Field(default_factory=dict)
     logged: dict[str, Logged] = Field(default_factory=dict)
     terms: list[str] = Field(
@@ -162,9 +192,11 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
     _join_published_holdout(path, given)
     defaults, setups = _system(path, given)
     logged = defaults.logged | given.logged
-    channels = given.channels or defaults.channels
+    columns = {n: c.column if isinstance(c, ColumnEntry) else Column(c) for n, c in given.channels.items()}
+    columns = columns or {n: Column(str(c)) for n, c in defaults.channels.items()}
+    channels = {name: column.connector for name, column in columns.items()}
     recordings = []
-    for entry in given.recording:
+    for file, entry in recording_files(path, given):
         setup = entry.setup or next(iter(setups))
         if setup not in setups:
             raise UserError(
@@ -173,22 +205,20 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
         if entry.role not in roles:
             continue
         connectors = _connectors(setups[setup], setup, logged, channels)
-        recordings.append(
-            read_recording(
-                path.parent / entry.file,
-                connectors,
-                channels or {name: name for name in connectors},
-                role=entry.role,
-                setup=setup,
-                initial=entry.initial,
-                time_column=entry.time,
-                window=(entry.begin, entry.end),
-                late=entry.late,
-            )
+        reading = Reading(
+            role=entry.role,
+            setup=setup,
+            initial=given.initial | entry.initial,
+            time=entry.time,
+            window=(entry.begin, entry.end),
+            late=entry.late,
+            without=tuple(entry.without),
+            layout=Layout(entry.skip, entry.separator, entry.encoding, entry.decimal),
         )
-    for recording, entry in zip(recordings, [e for e in given.recording if e.role in roles], strict=True):
+        recording = read_recording(file, connectors, columns or {name: name for name in connectors}, reading)
         if entry.begin is not None or entry.end is not None:  # two windows of one file
             recording.name += f" from {recording.time[0]:.4g} s to {recording.time[-1]:.4g} s"
+        recordings.append(recording)
     names = [r.name for r in recordings]
     for recording in recordings:  # a.csv beside a.parquet
         if names.count(recording.name) > 1 and recording.path:
@@ -199,24 +229,44 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
     )  # fmt: skip
 
 
+def recording_files(path: Path, given: CampaignFile) -> list[tuple[Path, RecordingEntry]]:
+    """Every file of a campaign with its entry, sorted where a pattern stands for several.
+
+    A pattern leaves out what another entry names; one that fits nothing stands for itself, a file that is not there.
+    """
+    named = {path.parent / name for entry in given.recording for name in entry.patterns if not _is_pattern(name)}
+    found = []
+    for entry in given.recording:
+        for name in entry.patterns:
+            if not _is_pattern(name):
+                found.append((path.parent / name, entry))
+                continue
+            folder = Path(path.parent, *Path(name).parts[:-1])
+            files = sorted(file for file in folder.glob(Path(name).name) if file not in named)
+            found += [(file, entry) for file in files or [folder / Path(name).name]]
+    return found
+
+
+def _is_pattern(name: str) -> bool:
+    return any(c in Path(name).name for c in "*?[")
+
+
 def holdouts(path: Path) -> list[Path]:
     """Held-out recordings of a campaign that are there, unread."""
     given = read_campaign_file(path)
     _join_published_holdout(path, given)
-    files = [path.parent / entry.file for entry in given.recording if entry.role == "holdout"]
-    return [file for file in files if file.is_file()]
+    return [file for file, entry in recording_files(path, given) if entry.role == "holdout" and file.is_file()]
 
 
 def missing_recordings(path: Path) -> list[Path]:
     """Recordings that a campaign names and that are not there."""
-    files = [path.parent / entry.file for entry in read_campaign_file(path).recording]
-    return [file for file in files if not file.is_file()]
+    return [file for file, _ in recording_files(path, read_campaign_file(path)) if not file.is_file()]
 
 
 def _join_published_holdout(path: Path, given: CampaignFile) -> None:
     """A sealed case's held-out run is published as holdout.parquet beside a campaign.toml of before."""
     file = "holdout.parquet"
-    if (path.parent / file).is_file() and all(entry.file != file for entry in given.recording):
+    if (path.parent / file).is_file() and all(file not in entry.patterns for entry in given.recording):
         given.recording.append(RecordingEntry(file=file, setup=given.recording[-1].setup, role="holdout"))
 
 
@@ -235,13 +285,17 @@ def read_campaign_file(path: Path) -> CampaignFile:
 def _first(error: ValidationError) -> str:
     """The first finding of pydantic, in one line."""
     finding = error.errors()[0]
-    where = ".".join(str(part) for part in finding["loc"])
+    if finding["loc"][0] == "channels":  # a name or a table: of the two readings, that which came further
+        finding = max(error.errors(), key=lambda e: (e["loc"][:2] == finding["loc"][:2], len(e["loc"])))
+    where = ".".join(str(part) for part in finding["loc"] if part not in ("ColumnEntry", "str"))
     if finding["type"] == "extra_forbidden":
         parent: Any = CampaignFile
         if finding["loc"][0] == "recording":
             parent = RecordingEntry
         elif finding["loc"][0] == "logged":
             parent = Logged
+        elif finding["loc"][0] == "channels":
+            parent = ColumnEntry
         return f"{where}: no such key, allowed are {', '.join(parent.model_fields)}"
     message = finding["msg"].removeprefix("Value error, ")
     return f"{where}: {message}" if "is given" in message else f"{where}: {finding['input']!r} is given; {message}"
@@ -280,7 +334,8 @@ def _connectors(system: Path, setup: str, logged: dict[str, Logged], channels: d
     for column, name in channels.items():
         if name not in logged and name not in offered:
             raise UserError(
-                f"[channels] {column!r} = {name!r}: {system.name} has no such connector, it has {among(offered)}"
+                f"[channels] {column!r} = {name!r}: {system.name} has no such connector, it has "
+                f"{among(offered)}{nearest(name, offered)}"
             )
     wanted = set(channels.values()) - set(logged)
     return found | {name: connector for name, connector in offered.items() if not channels or name in wanted}

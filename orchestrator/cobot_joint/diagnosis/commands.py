@@ -56,6 +56,7 @@ def diagnose(
     Called again after an interruption, it goes on from what it finished.
     """
     from cobot_joint.diagnosis.data.campaign import load_campaign
+    from cobot_joint.diagnosis.data.plausibility import plausible
     from cobot_joint.diagnosis.frequency import is_response
     from cobot_joint.diagnosis.run import diagnose_campaign
 
@@ -66,6 +67,11 @@ def diagnose(
         return
     loaded = load_campaign(campaign)
     folder = _folder(out or loaded.path.parent / "diagnosis")
+    with _stages() as progress:
+        progress("checking the recordings")
+        suspicions = plausible(loaded)
+    for suspicion in suspicions:
+        console.print(f"[yellow]{escape(str(suspicion))}[/yellow]", soft_wrap=True)
     with _stages() as progress:
         result = diagnose_campaign(loaded, folder, baseline=baseline, progress=progress)
     for recording in loaded.recordings:

@@ -6,7 +6,7 @@ import re
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
@@ -15,7 +15,11 @@ from cobot_joint.diagnosis.data.delimited import Layout
 from cobot_joint.diagnosis.data.formats import nearest
 from cobot_joint.diagnosis.data.recording import Column, Connector, Reading, Recording, Role, read_recording
 from cobot_joint.errors import UserError, among
+from cobot_joint.system.model import System
 from cobot_joint.system.read import load_system
+
+if TYPE_CHECKING:
+    from cobot_joint.diagnosis.data.suspicions import Suspicion
 
 
 @dataclass(frozen=True)
@@ -157,6 +161,11 @@ class Campaign:
     recordings: list[Recording]
     notes: list[str] = field(default_factory=list)
     terms: list[str] = field(default_factory=list)  # to look at; empty: all
+    suspicions: list[Suspicion] = field(default_factory=list)  # of channels, once `plausible` has looked
+
+    def systems(self) -> dict[str, System]:
+        """Set-up -> its system."""
+        return {setup: load_system(path) for setup, path in self.setups.items()}
 
     @property
     def train(self) -> list[Recording]:

@@ -114,7 +114,7 @@ def _parquet(path: Path, time: str | None, layout: Layout, table: bool) -> Log:
     content = pa.parquet.read_table(path)
     raw = []
     for header, data, kind in zip(content.column_names, content.columns, content.schema, strict=True):
-        about = {key.lower(): value for key, value in dict(kind.metadata or {}).items()}
+        about: dict[bytes, bytes] = {key.lower(): value for key, value in dict(kind.metadata or {}).items()}
         unit = next((about[key].decode(errors="replace") for key in (b"unit", b"units") if key in about), None)
         raw.append(Raw(f"{header} [{unit}]" if unit and split_header(header)[1] is None else header, _arrow(data)))
     return _log(path, raw, time, table)
@@ -149,7 +149,7 @@ def _arrow(column: pa.ChunkedArray, first_line: int | None = None) -> NDArray[np
             float(cell or "nan")
         except ValueError:
             place = f"sample {k + 1}" if first_line is None else f"line {first_line + k}"
-            return f"holds {cell[:40]!r} in {place}, a number is needed (an empty cell: not recorded)"
+            return f"holds {str(cell)[:40]!r} in {place}, a number is needed (an empty cell: not recorded)"
     return "holds text, numbers are needed"
 
 

@@ -19,9 +19,6 @@ from cobot_joint.errors import UserError, among
 
 Role = Literal["train", "holdout"]
 LARGEST = 1e15  # in any unit of a column; beyond it lie markers for "no value"
-    0.5,
-    3600.0,
-)  # s between samples, and in all: a log beyond both or the first is no drive's unless it says so
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from rich.table import Table as Grid
 
 from cobot_joint.diagnosis import commands as diagnosis
+from cobot_joint.diagnosis import own_bench
 from cobot_joint.errors import UserError, among
 from cobot_joint.scenario.report import Report, Table
 
@@ -149,6 +150,8 @@ def _progress(name: str) -> Iterator[Any]:
 
 
 diagnosis.register(app)
+for command in (own_bench.inspect, own_bench.new):
+    app.command()(command)
 
 
 def main() -> None:

@@ -199,7 +199,7 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
             f"{path}: a frequency response is given, time series are allowed here; cobot-joint diagnose takes both"
         )
     _join_published_holdout(path, given)
-    defaults, setups = _system(path, given)
+    defaults, setups = systems_of(path, given)
     logged = defaults.logged | given.logged
     columns = {n: c.column if isinstance(c, ColumnEntry) else Column(c) for n, c in given.channels.items()}
     columns = columns or {n: Column(str(c)) for n, c in defaults.channels.items()}
@@ -213,7 +213,7 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
             )
         if entry.role not in roles:
             continue
-        connectors = _connectors(setups[setup], setup, logged, channels)
+        connectors = connectors_of(setups[setup], setup, logged, channels)
         reading = Reading(
             role=entry.role,
             setup=setup,
@@ -310,7 +310,7 @@ def _first(error: ValidationError) -> str:
     return f"{where}: {message}" if "is given" in message else f"{where}: {finding['input']!r} is given; {message}"
 
 
-def _system(path: Path, given: CampaignFile) -> tuple[CampaignFile, dict[str, Path]]:
+def systems_of(path: Path, given: CampaignFile) -> tuple[CampaignFile, dict[str, Path]]:
     """Defaults that come with the system, and set-up -> system file."""
     if given.system.endswith((".ssp", ".ssd")):
         file = path.parent / given.system
@@ -330,13 +330,16 @@ def _system(path: Path, given: CampaignFile) -> tuple[CampaignFile, dict[str, Pa
     return defaults, setups or {"default": single}
 
 
-def _connectors(system: Path, setup: str, logged: dict[str, Logged], channels: dict[str, str]) -> dict[str, Connector]:
+def connectors_of(
+    system: Path, setup: str, logged: dict[str, Logged], channels: dict[str, str] | None = None
+) -> dict[str, Connector]:
     """What recordings of a set-up may belong to: the logger's channels, and connectors that [channels] names."""
     found = {
         name: Connector(name, channel.causality, channel.unit)
         for name, channel in logged.items()
         if channel.setups is None or setup in channel.setups
     }
+    channels = channels or {}
     if set(channels.values()) <= set(logged) and found:
         return found
     offered = system_connectors(system)

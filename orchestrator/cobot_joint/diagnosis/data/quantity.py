@@ -42,8 +42,6 @@ WORDS = {
     **dict.fromkeys(("usec", "µsec"), "us"),
     **dict.fromkeys(("Amp", "Amps", "amps", "Ampere"), "A"),
     **dict.fromkeys(("Volt", "Volts", "volts"), "V"),
-    "Ohm": "ohm",
-    "Ω": "ohm",
 }
 SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻·⋅", "0123456789-..")
 FACTOR = re.compile(r"\d{1,15}(?:\.\d{0,15})?(?:[eE][+-]?\d{1,2})?(?=\s|$)|0?\.\d{1,15}(?=\s|$)")
@@ -175,7 +173,7 @@ def _product(tokens: list[re.Match[str]]) -> pint.Quantity:
 
 
 def _word(token: re.Match[str]) -> pint.Quantity:
-    word, power = token["word"], int(token["power"] or 1)
+    word, power = token["word"].replace("Ohm", "ohm").replace("Ω", "ohm"), int(token["power"] or 1)
     if word in WORDS:
         quantity = _registry().Quantity(1.0, "degC") if word == "°C" else _product(_tokens(WORDS[word]))
     else:

@@ -104,6 +104,9 @@ def frozen(x: Vector, r: Recording, name: str) -> str:
     start, length = _longest(same)
     if (length + 1) * r.step < FROZEN or length < 4 * RAIL:
         return ""
+    known = x[np.isfinite(x)]
+    if np.nan_to_num(noise_and_colour(x)[0]) < 0.5 * quantisation_step(known):  # its steps hide the noise
+        return ""
     noisy = same[~_within(len(x), start, length)].mean() < 0.5
     if not noisy and x[start] == 0:  # at rest, without noise
         return ""
@@ -137,7 +140,9 @@ def held(x: Vector) -> str:
     if len(moving) < 100:
         return ""
     share = float(np.mean(x[moving] == x[moving - 1]))
-    return f"{100 * share:.0f} % of its samples repeat the one before while it moves: held" if share > HELD else ""
+    if share <= HELD:
+        return ""
+    return f"{100 * share:.0f} % of its samples repeat the one before while it moves: held, or slower than the clock"
 
 
 def _inertias(recordings: Sequence[Recording]) -> Iterator[Suspicion]:

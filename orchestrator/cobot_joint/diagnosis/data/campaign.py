@@ -14,6 +14,7 @@ from cobot_joint import paths
 from cobot_joint.diagnosis.data.delimited import Layout
 from cobot_joint.diagnosis.data.formats import nearest
 from cobot_joint.diagnosis.data.recording import Column, Connector, Reading, Recording, Role, read_recording
+from cobot_joint.diagnosis.data.tables import read_table
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import System
 from cobot_joint.system.read import load_system
@@ -100,6 +101,7 @@ class RecordingEntry(_Model):
     end: float | None = None
     late: dict[str, float] = Field(default_factory=dict)  # column -> s by which its stamps are late
     without: list[str] = Field(default_factory=list)  # columns or connectors that were not recorded
+    table: Literal["mean", "rows"] | None = None  # steady states: the mean of each file, or each line of a file
     skip: Annotated[int, Field(ge=0)] | None = None  # of a text file: lines above the names; None: guessed
     separator: str | None = None
     encoding: str | None = None
@@ -205,7 +207,7 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
     columns = columns or {n: Column(str(c)) for n, c in defaults.channels.items()}
     channels = {name: column.connector for name, column in columns.items()}
     recordings = []
-    for file, entry in recording_files(path, given):
+    for files, entry in _runs(recording_files(path, given)):
         setup = entry.setup or next(iter(setups))
         if setup not in setups:
             raise UserError(
@@ -223,8 +225,13 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
             late=entry.late,
             without=tuple(entry.without),
             layout=Layout(entry.skip, entry.separator, entry.encoding, entry.decimal),
+            table=entry.table,
         )
-        recording = read_recording(file, connectors, columns or {name: name for name in connectors}, reading)
+        wired: dict[str, Column | str] = dict(columns or {name: Column(name) for name in connectors})
+        if entry.table:
+            recording = read_table(files, connectors, wired, reading)
+        else:
+            recording = read_recording(files[0], connectors, wired, reading)
         if entry.begin is not None or entry.end is not None:  # two windows of one file
             recording.name += f" from {recording.time[0]:.4g} s to {recording.time[-1]:.4g} s"
         recordings.append(recording)
@@ -254,6 +261,13 @@ def recording_files(path: Path, given: CampaignFile) -> list[tuple[Path, Recordi
             files = sorted(file for file in folder.glob(Path(name).name) if file not in named)
             found += [(file, entry) for file in files or [folder / Path(name).name]]
     return found
+
+
+def _runs(found: list[tuple[Path, RecordingEntry]]) -> list[tuple[list[Path], RecordingEntry]]:
+    """One run per file, but one table of all files of an entry that is one."""
+    tables = {id(entry): [f for f, e in found if e is entry] for _, entry in found if entry.table}
+    runs = [([file], entry) for file, entry in found if not entry.table]
+    return runs + [(files, next(e for _, e in found if id(e) == key)) for key, files in tables.items()]
 
 
 def _is_pattern(name: str) -> bool:

@@ -19,7 +19,7 @@ JITTER = 1e-3  # steps by which a stamp may miss the regular clock before its sa
 
 
 def regular_clock(
-    path: Path, raw: dict[str, Channel], notes: list[str], *, confirmed: bool = False
+    path: Path, raw: dict[str, Channel], notes: list[str], *, confirmed: bool = False, fewest: int = FEWEST
 ) -> NDArray[np.float64]:
     """The fastest channel's median step, over the time that all channels share.
 
@@ -34,8 +34,8 @@ def regular_clock(
         keep = ordered[id(channel.time)]
         raw[name] = Channel(channel.name, channel.unit, channel.time[keep], channel.values[keep])
     times = list({id(c.time): c.time for c in raw.values()}.values())
-    if min(map(len, times)) < FEWEST:
-        raise UserError(f"{path}: {min(map(len, times))} usable samples are given, {FEWEST} at least are needed")
+    if min(map(len, times)) < fewest:
+        raise UserError(f"{path}: {min(map(len, times))} usable samples are given, {fewest} at least are needed")
     step = min(_step(t) for t in times)
     start, stop = max(t[0] for t in times), min(t[-1] for t in times)
     if stop - start < 2 * step:

@@ -24,9 +24,10 @@ def plausible(campaign: Campaign) -> list[Suspicion]:
         for c in system.components
         if RATIO[1:] in c.unit.variables
     }
-    found = suspicions(campaign.train)
+    runs = [r for r in campaign.train if not r.scatter]  # a table has no time to look at
+    found = suspicions(runs)
     with Simulator(systems) as simulate:
-        found += beside_nominal(campaign.train, simulate, ratios)
+        found += beside_nominal(runs, simulate, ratios)
     campaign.suspicions = found
     for suspicion in found:
         if suspicion.wrong:

@@ -11,13 +11,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.diagnosis.data.clock import fill, regular_clock, resample
+from cobot_joint.diagnosis.data.clock import FEWEST, fill, regular_clock, resample
 from cobot_joint.diagnosis.data.delimited import Layout
 from cobot_joint.diagnosis.data.formats import Channel, Log, nearest, read_log
 from cobot_joint.diagnosis.data.quantity import convert, product, split_header
 from cobot_joint.errors import UserError, among
 
 Role = Literal["train", "holdout"]
+ROWS = 4  # of a table, of which anything can be said
 LARGEST = 1e15  # in any unit of a column; beyond it lie markers for "no value"
 
 
@@ -50,6 +51,7 @@ class Recording:
     believed: set[str] = field(default_factory=set)  # connectors whose factor and sign somebody looked at
     notes: list[str] = field(default_factory=list)
     path: Path | None = None
+    scatter: dict[str, float] = field(default_factory=dict)  # of a table: 1 sigma per output; time is no time then
 
     @property
     def step(self) -> float:
@@ -80,6 +82,7 @@ class Reading:
     late: Mapping[str, float] = field(default_factory=dict)  # column -> s by which its stamps are late
     without: Sequence[str] = ()  # columns or connectors that this file is known to lack
     layout: Layout = field(default_factory=Layout)
+    table: Literal["mean", "rows"] | None = None  # not a run but steady states: a file, or each of its lines
 
 
 def read_recording(
@@ -94,7 +97,7 @@ def read_recording(
     a column may carry its unit in brackets, for files that cannot. Raises UserError.
     """
     notes: list[str] = []
-    log = read_log(path, reading.time, reading.layout)
+    log = read_log(path, reading.time, reading.layout, table=reading.table == "rows")
     log = replace(log, channels=_windowed(log, reading.window, reading.late))
     notes += log.notes
     wired = {header: c if isinstance(c, Column) else Column(c) for header, c in columns.items()}
@@ -102,7 +105,9 @@ def read_recording(
     raw = {name: channel for name, (channel, _, _) in found.items()}
     for channel in raw.values():
         _check_values(log, channel)
-    time = regular_clock(path, raw, notes, confirmed=reading.time is not None)
+    steady = reading.table is not None
+    fewest = ROWS if reading.table == "rows" else FEWEST
+    time = regular_clock(path, raw, notes, confirmed=steady or reading.time is not None, fewest=fewest)
     inputs, outputs, units = {}, {}, {}
     for name, channel in raw.items():
         _, header, column = found[name]

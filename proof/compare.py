@@ -7,8 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-RATES = ("right", "located", "named", "unlisted", "healthy_with_a_claim", "false_claims")
-FIGURES = ("excess_error_removed_median", "onset_error_median_s", "brier", "seconds_median")
+COUNTS = ("cases", "answered", "named_single")  # the same for all, or told by another
 
 
 def cell(value: Any) -> str:
@@ -23,7 +22,7 @@ def main(folders: dict[str, Path]) -> None:
     read = {name: json.loads((folder / "scoreboard.json").read_text()) for name, folder in folders.items()}
     scores = {name: score["summary"] | {"seconds_median": score["seconds_median"]} for name, score in read.items()}
     print("| | " + " | ".join(scores) + " |\n|---|" + "---|" * len(scores))
-    for measure in (*RATES, *FIGURES):
+    for measure in dict.fromkeys(name for score in scores.values() for name in score if name not in COUNTS):
         print(f"| {measure.replace('_', ' ')} | " + " | ".join(cell(s[measure]) for s in scores.values()) + " |")
 
 

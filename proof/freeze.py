@@ -16,9 +16,8 @@ import zipfile
 from pathlib import Path
 from types import ModuleType
 
-from cobot_joint.diagnosis.candidates import score_test
-from cobot_joint.diagnosis.estimation import fit
-from cobot_joint.diagnosis.selection import competition, confidence, stepwise, unmodelled
+import cobot_joint.diagnosis.thresholds
+from cobot_joint.diagnosis.selection import confidence
 
 
 def digest(path: Path) -> str:
@@ -65,7 +64,7 @@ def main(results: Path, folder: Path) -> None:
     content = {
         "commit": commit,
         "tag": _git("tag", "--points-at", commit) or None,
-        "thresholds": thresholds(stepwise, competition, score_test, fit, unmodelled, confidence),
+        "thresholds": thresholds(cobot_joint.diagnosis.thresholds, confidence),
         "files": {path.relative_to(folder).as_posix(): digest(path) for path in files},
     }
     frozen.write_text(json.dumps(content, indent=1) + "\n")

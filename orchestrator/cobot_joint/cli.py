@@ -1,10 +1,14 @@
-"""The command `cobot-joint`. Exit status: 0 done; 2 the call or a file is wrong (a line on stderr); 1 anything else."""
+"""The command `cobot-joint`.
+
+Exit status: 0 done; 2 the call or a file is wrong (a line on stderr); 130 interrupted; 1 anything else.
+"""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,6 +20,8 @@ from rich.table import Table as Grid
 from cobot_joint.diagnosis import commands as diagnosis
 from cobot_joint.diagnosis import own_bench
 from cobot_joint.errors import UserError, among
+from cobot_joint.files import results_folder, what_is_missing, write_atomically
+from cobot_joint.interrupts import Interrupted, interruptible
 from cobot_joint.scenario.report import Report, Table
 
 app = typer.Typer(
@@ -73,13 +79,14 @@ def export(
     system: Annotated[str, typer.Option(help="A shipped system by name, or an .ssd or .ssp file.")] = "joint",
 ) -> None:
     """The units as FMUs, and the system as one .ssp, for other simulators."""
-    from cobot_joint.system import load_system, write_ssp
+    from cobot_joint.system import fmu_names, load_system, write_ssp
 
     loaded = load_system(system)
-    folder(out)
-    for fmu in dict.fromkeys(component.unit.path for component in loaded.components):
-        (out / fmu.name).write_bytes(fmu.read_bytes())
-        console.print(out / fmu.name)
+    results_folder(out)
+    names = fmu_names(loaded)
+    for name, path in {names[c.name]: c.unit.path for c in loaded.components}.items():
+        write_atomically(out / name, partial(_copy, path))
+        console.print(out / name)
     console.print(write_ssp(loaded, out / f"{loaded.name}.ssp"))
 
 
@@ -96,7 +103,7 @@ def run_and_show(
     parameters = {name: value for name, value in given.items() if "." in name}
     loaded = load_scenario(scenario, settings)
     options = Options(level, step, scheme, parameters)
-    target = folder(out or Path("results") / loaded.name)
+    target = results_folder(out or Path("results") / loaded.name)
     with _progress(loaded.name) as progress:
         report = run_scenario(loaded, target, options, progress)
     show(report)
@@ -112,13 +119,8 @@ def show(report: Report) -> None:
         console.print(f"{path}  [dim]{what}[/dim]", soft_wrap=True)
 
 
-def folder(path: Path) -> Path:
-    """The folder, made where it is missing. UserError: it cannot be."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--out {path}: a folder that can be written is needed: {error.strerror}") from error
-    return path
+def _copy(source: Path, file: Path) -> None:
+    file.write_bytes(source.read_bytes())
 
 
 def _assignment(text: str) -> tuple[str, str]:
@@ -161,13 +163,16 @@ def main() -> None:
 
 def _status() -> int:
     try:
-        return int(app(standalone_mode=False) or 0)
+        with interruptible():
+            return int(app(standalone_mode=False) or 0)
+    except Interrupted as how:
+        return _say(", ".join(["interrupted", *how.args]), 130)
     except UserError as error:
         return _say(error, 2)
     except typer.TyperException as error:
         return _say(_usage(error), 2)
-    except (KeyboardInterrupt, typer.Abort):
-        return _say("interrupted", 1)
+    except OSError as error:
+        return _say(what_is_missing(error), 1)
     except RuntimeError as error:  # a unit failed while it ran: SimulationError says which and when
         from cobot_joint.cosim import SimulationError
 

@@ -84,9 +84,13 @@ class SignalsWriter:
 
     def __enter__(self) -> SignalsWriter:
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        self._writer = self._files.enter_context(
-            pq.ParquetWriter(self.partial, self.schema, compression="zstd", use_dictionary=False)
-        )
+        try:
+            self._writer = self._files.enter_context(
+                pq.ParquetWriter(self.partial, self.schema, compression="zstd", use_dictionary=False)
+            )
+        except BaseException:  # interrupted, with the file open and nobody to close it
+            self.partial.unlink(missing_ok=True)
+            raise
         return self
 
     def write(self, signals: Mapping[str, NDArray[np.float64]]) -> None:

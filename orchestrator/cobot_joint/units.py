@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import atexit
 import hashlib
+import lzma
 import os
 import shutil
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache, cached_property
@@ -20,6 +22,8 @@ from fmpy.model_description import BaseUnit, ModelDescription, ModelVariable
 from cobot_joint import paths, xml
 from cobot_joint.errors import UserError, among
 
+ENCRYPTED = 0x1  # general purpose bit flag of a zip entry, PKWARE APPNOTE 4.4.4
+MOST_ENTRIES, MOST_BYTES = 10_000, 1_000_000_000  # of an archive, unpacked
 TOOL = "cobot-joint"  # the name under which units annotate their modelDescription
 
 
@@ -232,9 +236,12 @@ def _unpack(path: Path, digest: str) -> Path:
     partial = Path(tempfile.mkdtemp(dir=target.parent))
     try:
         with zipfile.ZipFile(path) as archive:
+            _check_archive(path, archive)
             archive.extractall(partial)
         partial.rename(target)
-    except zipfile.BadZipFile as error:
+    except (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, NotImplementedError, ValueError) as error:
+        if isinstance(error, UserError):
+            raise
         raise UserError(f"{path}: not a {path.suffix or 'zip'} file: {error}") from error
     except OSError:
         if not target.is_dir():  # else another process was faster
@@ -242,6 +249,17 @@ def _unpack(path: Path, digest: str) -> Path:
     finally:
         shutil.rmtree(partial, ignore_errors=True)
     return target
+
+
+def _check_archive(path: Path, archive: zipfile.ZipFile) -> None:
+    """UserError: it is encrypted, or more than a unit can be."""
+    entries = archive.infolist()
+    if any(entry.flag_bits & ENCRYPTED for entry in entries):
+        raise UserError(f"{path}: an encrypted archive is given, one without a password is needed")
+    if len(entries) > MOST_ENTRIES:
+        raise UserError(f"{path}: {len(entries)} files are in the archive, {MOST_ENTRIES} are allowed")
+    if (size := sum(entry.file_size for entry in entries)) > MOST_BYTES:
+        raise UserError(f"{path}: {size / 1e6:.0f} MB are in the archive, {MOST_BYTES / 1e6:.0f} MB are allowed")
 
 
 @cache

@@ -37,6 +37,53 @@ def test_fmu_is_unpacked_once_and_anew_when_it_changes(tmp_path: Path) -> None:
     assert unpack(path) == unpack(Path(shutil.copy(path, tmp_path / "b.fmu")))  # by what is in it, not by its name
 
 
+def damaged(whole: bytes, kind: str) -> bytes:
+    """An archive with one entry, as it may come out of a mail or a disk."""
+    local, central = whole.index(b"PK\x03\x04"), whole.index(b"PK\x01\x02")
+    changed = bytearray(whole)
+    if kind == "truncated":
+        return whole[: len(whole) // 2]
+    if kind == "encrypted":
+        changed[local + 6] |= 1
+        changed[central + 8] |= 1
+    elif kind == "unknown compression":
+        changed[local + 8] = changed[central + 10] = 99
+    elif kind == "corrupt stream":
+        changed[local + 60] ^= 0xFF
+    elif kind == "huge":
+        changed[central + 24 : central + 28] = (2_000_000_000).to_bytes(4, "little")
+    return bytes(changed)
+
+
+@pytest.mark.parametrize(
+    ("kind", "told"),
+    [
+        ("truncated", "not a .fmu file: "),
+        ("encrypted", "an encrypted archive is given, one without a password is needed"),
+        ("unknown compression", "not a .fmu file: That compression method is not supported"),
+        ("corrupt stream", "not a .fmu file: "),
+        ("huge", "2000 MB are in the archive, 1000 MB are allowed"),
+    ],
+)
+def test_an_archive_that_cannot_be_unpacked_is_refused(tmp_path: Path, kind: str, told: str) -> None:
+    path = tmp_path / f"{kind}.fmu"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("modelDescription.xml", f"{kind} " + " ".join(str(k**3) for k in range(500)))
+    path.write_bytes(damaged(path.read_bytes(), kind))
+    with pytest.raises(UserError) as refused:
+        unpack(path)
+    assert str(refused.value).startswith(f"{path}: {told}")
+    assert "\n" not in str(refused.value)
+
+
+def test_an_archive_of_too_many_files_is_refused(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "many.fmu", "w") as archive:
+        for k in range(20_000):
+            archive.writestr(str(k), "")
+    with pytest.raises(UserError, match="20000 files are in the archive, 10000 are allowed"):
+        unpack(tmp_path / "many.fmu")
+
+
 def test_unit_unpacks_where_the_cache_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from pathlib import Path
 
 import pytest
+
+from cobot_joint.diagnosis.data.campaign import load_campaign
+from cobot_joint.diagnosis.evaluation.score import broken_seals, scoreboard
+from cobot_joint.diagnosis.repair.verify import verify
 
 SEALED = Path(__file__).parents[2] / "proof" / "sealed"
 FROZEN = SEALED / "frozen.json"
@@ -34,3 +39,24 @@ def test_an_answer_has_a_verdict_and_keeps_the_promised_format(case: str) -> Non
         assert 0 <= finding["confidence"] <= 1
         assert len(finding["equivalent"]) <= 3
         assert {"recording", "regime"} <= set(finding["where"])
+
+
+def test_the_published_truths_are_those_that_were_sealed() -> None:
+    truths, seals = (json.loads((SEALED / name).read_text()) for name in ("answers.json", "seals.json"))
+    assert len(truths) == 30
+    assert broken_seals(truths, seals) == {}
+
+
+def test_the_committed_scoreboard_is_that_of_the_committed_answers() -> None:
+    told = json.loads((SEALED / "scoreboard.json").read_text())
+    found = json.loads(json.dumps(scoreboard(json.loads((SEALED / "answers.json").read_text()), SEALED)))
+    assert {key: told[key] for key in found} == found
+
+
+@pytest.mark.long
+def test_the_verified_figures_of_an_answer_are_repeated(tmp_path: Path) -> None:
+    shutil.copy(SEALED / "case02" / "diagnosis.json", tmp_path)
+    figures = verify(tmp_path, load_campaign(SEALED / "case02", roles=("holdout",)))["channels"]
+    told = json.loads((SEALED / "case02" / "verify.json").read_text())["channels"]
+    for name, channel in told.items():
+        assert figures[name] == pytest.approx(channel, rel=1e-3)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import sys
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -22,6 +24,8 @@ from rich.progress import (
 from rich.table import Table
 
 from cobot_joint.errors import UserError
+from cobot_joint.files import results_folder, writable
+from cobot_joint.interrupts import resumable
 
 console = Console()
 if not console.is_terminal:
@@ -66,13 +70,13 @@ def diagnose(
         _diagnose_response(campaign, out)
         return
     loaded = load_campaign(campaign)
-    folder = _folder(out or loaded.path.parent / "diagnosis")
-    with _stages() as progress:
+    folder = results_folder(out or loaded.path.parent / "diagnosis")
+    with resumable(), _stages() as progress:
         progress("checking the recordings")
         suspicions = plausible(loaded)
     for suspicion in suspicions:
         console.print(f"[yellow]{escape(str(suspicion))}[/yellow]", soft_wrap=True)
-    with _stages() as progress:
+    with resumable(), _stages() as progress:
         result = diagnose_campaign(loaded, folder, baseline=baseline, progress=progress)
     for recording in loaded.recordings:
         for note in recording.notes:
@@ -97,8 +101,8 @@ def _diagnose_response(campaign: Path, out: Path | None) -> None:
     from cobot_joint.diagnosis.frequency_run import diagnose_response_campaign
 
     path = campaign / "campaign.toml" if campaign.is_dir() else campaign
-    folder = _folder(out or path.parent / "diagnosis")
-    with _stages() as progress:
+    folder = results_folder(out or path.parent / "diagnosis")
+    with resumable(), _stages() as progress:
         result = diagnose_response_campaign(path, folder, progress=progress)
     console.print(f"\n[bold]{escape(result.sentence)}[/bold]", soft_wrap=True)
     if result.diagnosis["findings"]:
@@ -123,9 +127,11 @@ def verify(
     from cobot_joint.diagnosis.repair.verify import verify as run
 
     read_diagnosis(folder)  # before anything takes time
+    writable(folder)
     loaded = load_campaign(campaign, roles=("holdout",))
     content = run(folder, loaded)
     units = {name: unit for recording in loaded.recordings for name, unit in recording.units.items()}
+    console.print(f"repaired system: {escape(content['system'])}", soft_wrap=True)
     console.print(_figures("rms of recording - simulation, held-out runs", content["channels"], units))
     for name in ("verify.json", "verify.parquet"):
         console.print(folder / name, soft_wrap=True)
@@ -147,11 +153,11 @@ def prove(
     from cobot_joint.diagnosis.evaluation.prove import prove as run
 
     if out is not None:
-        _folder(out)
+        results_folder(out)
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
     stderr = Console(stderr=True)
     bar = Progress(*columns, TimeRemainingColumn(), console=stderr, transient=True, disable=not stderr.is_terminal)
-    with bar:
+    with resumable(), bar:
         task = bar.add_task("cases", total=len(cases_of(folder)))
 
         def done(result: CaseResult) -> None:
@@ -174,14 +180,13 @@ def prove(
 
 def _scoreboard(score: dict[str, Any]) -> None:
     """Per case what was said, then the rates."""
+    field = any("style" in row for row in score["rows"])
     grid = Table(title="cases", title_justify="left", title_style="bold")
-    for name in ("case", "", "concealed", "false claims", "excess error removed"):
+    for name in ("case", "", "concealed", "false claims", "held-out error" if field else "excess error removed"):
         grid.add_column(name)
     for row in score["rows"]:
-        said = [f"{e['name']}: {_said(e)}" for e in row["effects"]]
-        removed = "" if row["excess_removed"] is None else f"{100 * row['excess_removed']:.1f} %"
-        wrong = ", ".join(row["false"]) or (row["why"] or "")
-        grid.add_row(row["case"], "ok" if row["right"] else "--", "; ".join(said) or "nothing", wrong, removed)
+        cells = _field_row(row) if field else _case_row(row)
+        grid.add_row(row["case"], "ok" if row["right"] else "--", *(cell or "" for cell in cells))
     console.print(grid)
     rates = Table(title="scoreboard", title_justify="left", title_style="bold")
     for name in ("measure", "value", "of", "95 %"):
@@ -195,11 +200,28 @@ def _scoreboard(score: dict[str, Any]) -> None:
     console.print(rates)
 
 
+def _case_row(row: dict[str, Any]) -> tuple[str, str, str]:
+    """What was concealed and what was said of it, what was said beside it, what the repair removes."""
+    said = "; ".join(f"{e['name']}: {_said(e)}" for e in row["effects"]) or "nothing"
+    removed = "" if row["excess_removed"] is None else f"{100 * row['excess_removed']:.1f} %"
+    return said, ", ".join(row["false"]) or row["why"], removed
+
+
+def _field_row(row: dict[str, Any]) -> tuple[str, str, str]:
+    """The same of a machine with a background; the error above noise as repaired over calibrated."""
+    said = [f"{e['name']} ({e['over_background']} x background): {_said(e)}, {e['sure']:.2f}" for e in row["effects"]]
+    false = ", ".join(f"{term} {sure:.2f}" for term, sure in row["false"])
+    ratio = "" if row["ratio"] is None else f"{row['ratio']:.3f}{', worse' if row['worse'] else ''}"
+    return "; ".join(said) or "nothing", false or ("" if row["answered"] else "no answer"), ratio
+
+
 def _said(effect: dict[str, Any]) -> str:
     return "named" if effect["named"] else "located" if effect["located"] else "missed"
 
 
 def _findings(findings: list[dict[str, Any]]) -> Table:
+    from cobot_joint.diagnosis.report.words import load_history
+
     grid = Table(title="findings", title_justify="left", title_style="bold")
     for name in ("term", "sure", "since", "parameters", "could also be"):
         grid.add_column(name)
@@ -207,9 +229,9 @@ def _findings(findings: list[dict[str, Any]]) -> Table:
         values = [f"{name} = {p['value']:.4g} {p['unit']}" for name, p in f["parameters"].items()]
         if f.get("shape"):
             values.append(f"{f['shape']['port']} = {f['shape']['formula'] or 'a table'}")
-        if f.get("course"):
-            values.append(f["words"].split("; ")[0])
-        onset = "at times" if f.get("course") else "start" if f["onset"] is None else f"{f['onset']:.2f} s"
+        if f.get("load_history"):
+            values.append(load_history(f["load_history"]) or "")
+        onset = "at times" if f.get("load_history") else "start" if f["onset"] is None else f"{f['onset']:.2f} s"
         equivalent = ", ".join(f["equivalent"]) or "-"
         grid.add_row(f["term"], f"{100 * f['confidence']:.0f} %", onset, "\n".join(values), equivalent)
     return grid
@@ -227,19 +249,28 @@ def _figures(title: str, channels: dict[str, dict[str, Any]], units: dict[str, s
 
 
 @contextmanager
-def _stages() -> Iterator[Any]:
-    """What is being done, on stderr; a callback of words."""
-    stderr = Console(stderr=True)
+def _stages() -> Iterator[Callable[[str], None]]:
+    """What is being done, on stderr; a callback of words. Without a terminal: a line per stage, with the time."""
+    stderr, begun = Console(stderr=True), time.monotonic()
+    if not stderr.is_terminal:
+        yield _Lines(begun)
+        return
     columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
-    with Progress(*columns, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
+    with Progress(*columns, console=stderr, transient=True) as bar:
         task = bar.add_task("reading", total=None)
-        yield lambda words: bar.update(task, description=words)
+        yield lambda words: bar.update(task, description=escape(words))
 
 
-def _folder(path: Path) -> Path:
-    """The folder, made where it is missing. UserError: it cannot be."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--out {path}: a folder that can be written is needed: {error.strerror}") from error
-    return path
+class _Lines:
+    """Progress in lines: every stage once, and within one every PAUSE seconds how far it is."""
+
+    PAUSE = 10.0  # s
+
+    def __init__(self, begun: float) -> None:
+        self.begun, self.stage, self.last = begun, "", -self.PAUSE
+
+    def __call__(self, words: str) -> None:
+        now, stage = time.monotonic() - self.begun, words.split(": ")[0]
+        if stage != self.stage or now - self.last > self.PAUSE:
+            self.stage, self.last = stage, now
+            print(f"{now:5.0f} s  {words}", file=sys.stderr, flush=True)

@@ -1,4 +1,4 @@
-"""The diagnosis: calibrate, name, look for what no list has, and say what was found and how sure that is."""
+"""The diagnosis: calibrate, locate, select what explains the difference, and say what was found and how surely."""
 
 from __future__ import annotations
 
@@ -8,40 +8,41 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.candidates.score_test import Scan
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.conditioning import condition
-from cobot_joint.diagnosis.estimation.fit import Fit, Hypothesis, fit, tolerances
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
+from cobot_joint.diagnosis.estimation.least_squares import Precision, fit
 from cobot_joint.diagnosis.estimation.problem import Noise, Problem
-from cobot_joint.diagnosis.experiments.discriminate import next_experiment
-from cobot_joint.diagnosis.findings import Candidate, Diagnosis, Estimate, Finding
-from cobot_joint.diagnosis.localization.evidence import locate
+from cobot_joint.diagnosis.experiments.discriminate import advise
+from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding, Verdict
+from cobot_joint.diagnosis.localization.evidence import where_it_shows
 from cobot_joint.diagnosis.localization.isolability import prefetch
 from cobot_joint.diagnosis.localization.localize import locate_difference
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
-from cobot_joint.diagnosis.plant.plant import Plant
+from cobot_joint.diagnosis.plant.plant import Plant, TermCandidate
 from cobot_joint.diagnosis.selection.confidence import confidence
-from cobot_joint.diagnosis.selection.external_loads import look_for_a_hand, look_for_episodes
-from cobot_joint.diagnosis.selection.stepwise import SETTLED, Named, Namer, prune, worth_naming
-from cobot_joint.diagnosis.selection.unmodelled import Unlisted, look_for_unlisted
+from cobot_joint.diagnosis.selection.external_loads import look_for_external_loads, look_for_unlogged_load
+from cobot_joint.diagnosis.selection.stepwise import SETTLED, Selected, Selection, Selector, prune, worth_naming
+from cobot_joint.diagnosis.selection.unmodelled import Unmodelled, look_for_unmodelled
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.errors import UserError, among
-from cobot_joint.system.read import load_system
 
 Progress = Callable[[str], None]
-MOST_NAMES = 4  # that one finding may carry
+CALIBRATION = Precision(settled=10.0, roughly=SETTLED, jacobians=8)
 
 
 @dataclass
-class Naming:
-    """What naming leaves for the answer."""
+class Explanation:
+    """What explains the recordings: the base model alone, and with all that was selected."""
 
     calibrated: Fit
     fit: Fit
-    named: list[Named]
-    ranking: list[list[Candidate]]
-    twins: dict[str, str]
-    unlisted: Unlisted | None
+    selection: Selection
+    selected: list[Selected]
+    unmodelled: Unmodelled | None = None
 
 
 def diagnose(campaign: Campaign, *, progress: Progress | None = None, store: Store | None = None) -> Diagnosis:
@@ -49,7 +50,7 @@ def diagnose(campaign: Campaign, *, progress: Progress | None = None, store: Sto
 
     progress: called with what is being done, in words. store: stages finished by an earlier call are taken from it.
     """
-    systems = {setup: load_system(path) for setup, path in campaign.setups.items()}
+    systems = campaign.systems()
     with FmuPlant(systems) as plant:
         return diagnose_plant(campaign, plant, progress=progress, store=store)
 
@@ -61,38 +62,56 @@ def diagnose_plant(
     begun = time.monotonic()
     prefetch()
     say, store = progress or (lambda words: None), store or Store(None)
-    problem, naming, found = identify(campaign, plant, progress=say, store=store)
-    basis = (found.calibrated, found.repaired, [f.term for f in found.findings])
+    problem, calibrated = calibrate(campaign, plant, say, store)
     say("locating the difference")
-    found.located = store.remember("located", basis, lambda: locate_difference(problem, naming.calibrated).to_json())
+    located = store.remember("located", calibrated.x, lambda: locate_difference(problem, calibrated).to_json())
+    found, explanation = explain(campaign, problem, calibrated, say, store)
+    found.located = located
+    if explanation.calibrated is not calibrated:  # a better one came up on the way
+        again = explanation.calibrated
+        found.located = store.remember("located", again.x, lambda: locate_difference(problem, again).to_json())
     if found.findings:
         say("looking for the experiment that would tell more")
-    found.next_experiment = store.remember(
-        "experiment", basis, lambda: next_experiment(problem, found.findings, naming.fit)
-    )
+    basis = [f.term for f in found.findings], explanation.fit.x
+    found.advice = store.remember("experiment", basis, lambda: advise(problem, found.findings, explanation.fit))
     found.seconds = time.monotonic() - begun
     return found
 
 
-def identify(
-    campaign: Campaign, plant: Plant, *, progress: Progress | None = None, store: Store | None = None
-) -> tuple[Problem, Naming, Diagnosis]:
-    """What is missing, without where it shows in the recordings and what would tell more."""
-    say, store = progress or (lambda words: None), store or Store(None)
+def calibrate(campaign: Campaign, plant: Plant, say: Progress, store: Store) -> tuple[Problem, Fit]:
+    """The problem, and the base model re-fitted inside its tolerances with nothing added."""
     problem = Problem(plant, campaign.train, noises(campaign))
     bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
     say("re-fitting the base model inside its tolerances")
     base = Hypothesis(tolerances(problem, bounds))
-    told = tuple((name, c.noise, c.colour) for name, c in campaign.logged.items() if c.colour is not None)
-    calibrated = store.remember(
-        "calibrated", told, lambda: fit(problem, base, settled=10.0, roughly=SETTLED, fresh_most=8)
-    )
+    calibrated = store.remember("calibrated", told(campaign), lambda: fit(problem, base, precision=CALIBRATION))
     if calibrated is None:
         raise RuntimeError("the system cannot be simulated with its nominal parameters on these recordings")
-    basis = (*told, *campaign.terms)
-    naming = store.remember("naming", basis, lambda: _name(problem, calibrated, say, store, basis, campaign.terms))
+    return problem, calibrated
+
+
+def told(campaign: Campaign) -> tuple[object, ...]:
+    """What the campaign says of noise, which a result depends on beside the recordings."""
+    return tuple((name, c.noise, c.colour) for name, c in campaign.logged.items() if c.colour is not None)
+
+
+def explain(
+    campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress, store: Store
+) -> tuple[Diagnosis, Explanation]:
+    """What is missing, without where it shows in the recordings and what would tell more."""
+    basis = (*told(campaign), *campaign.terms)
+    explanation = store.remember(
+        "selection", basis, lambda: _select(problem, calibrated, say, store, basis, campaign.terms)
+    )
     say("writing down what was found")
-    return problem, naming, _answer(problem, naming)
+    return _answer(problem, explanation), explanation
+
+
+def identify(campaign: Campaign, plant: Plant) -> Diagnosis:
+    """`diagnose_plant` without where the difference lies and what would tell more: enough for counting."""
+    store, say = Store(None), (lambda words: None)
+    problem, calibrated = calibrate(campaign, plant, say, store)
+    return explain(campaign, problem, calibrated, say, store)[0]
 
 
 def noises(campaign: Campaign) -> dict[str, Noise]:
@@ -107,79 +126,83 @@ def noises(campaign: Campaign) -> dict[str, Noise]:
     return found
 
 
-def _name(problem: Problem, calibrated: Fit, say: Progress, store: Store, basis: object, only: Sequence[str]) -> Naming:
+def _select(
+    problem: Problem, calibrated: Fit, say: Progress, store: Store, basis: object, only: Sequence[str]
+) -> Explanation:
     """`only`: the terms to look at, and nothing beyond them; empty: all, and what no list names."""
-    terms = [term for term in problem.plant.terms if not only or term.name in only]
-    if unknown := set(only) - {term.name for term in terms}:
-        known = among(term.name for term in problem.plant.terms)
-        raise UserError(f"terms: {unknown.pop()!r} is given, the system has {known}")
-    namer = Namer(problem, Scan(problem, terms), say, store)
-    name_on = Namer(problem, namer.scan, say).name
-    hand = None if only else look_for_a_hand(problem, calibrated, name_on, say)
-    if hand:
-        return Naming(calibrated, hand.fit, hand.named, [], dict(namer.scan.twins), hand)
-    listed = namer.name(calibrated, basis)
-    calibrated = listed.history[0]  # that of before, or a better one that naming came upon
-    unlisted = None
+    scan = Scan(problem, _terms(problem, only), say)
+    select = Selector(problem, scan, say).select
+    if not only and (load := look_for_unlogged_load(problem, calibrated, select, say)):
+        nothing = Selection([calibrated], indistinguishable=dict(scan.indistinguishable))
+        return Explanation(calibrated, load.fit, nothing, load.selected, load)
+    listed = Selector(problem, scan, say, store).select(calibrated, basis)
+    calibrated = listed.history[0]  # that of before, or a better one that came up on the way
+    unmodelled = None
     if not only:
-        unlisted = look_for_episodes(problem, listed, name_on, say)
-        unlisted = unlisted or look_for_unlisted(problem, calibrated, listed, say)
-    best, named = (unlisted.fit, unlisted.named) if unlisted else (listed.fit, listed.named)
-    if not unlisted:
-        best, named = (worth_naming if only else prune)(problem, calibrated, listed)
-    return Naming(calibrated, best, named, listed.ranking, dict(namer.scan.twins), unlisted)
+        unmodelled = look_for_external_loads(problem, listed, select, say)
+        unmodelled = unmodelled or look_for_unmodelled(problem, calibrated, listed, say)
+    if unmodelled:
+        return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
+    kept = worth_naming(problem, calibrated, listed) if only else prune(problem, listed)
+    return Explanation(calibrated, kept.fit, listed, kept.selected)
 
 
-def _answer(problem: Problem, naming: Naming) -> Diagnosis:
+def _terms(problem: Problem, only: Sequence[str]) -> list[TermCandidate]:
+    """The plant's, or those of them that a campaign lists. UserError: it lists one that is not there."""
+    known = [term.name for term in problem.plant.terms]
+    if unknown := [name for name in only if name not in known]:
+        raise UserError(f"terms: {unknown[0]!r} is given, the system has {among(known)}")
+    return [term for term in problem.plant.terms if not only or term.name in only]
+
+
+def _answer(problem: Problem, explanation: Explanation) -> Diagnosis:
     plant = problem.plant
     units = {p.name: p.unit for p in plant.parameters.values()}
     units |= {t.amplitude: t.unit for t in plant.terms} | {s.name: s.unit for t in plant.terms for s in t.shapes}
-    repaired = naming.fit.estimates(units)
-    left = max(problem.excess(naming.fit.residual), 0.0)
-    findings = [_finding(problem, naming, named, repaired, left) for named in naming.named]
-    if naming.unlisted:
-        findings.append(naming.unlisted.finding)
+    repaired = explanation.fit.estimates(units)
+    left = max(problem.excess(explanation.fit.residual), 0.0)
+    findings = [_finding(problem, explanation, selected, repaired, left) for selected in explanation.selected]
+    if explanation.unmodelled:
+        findings.append(explanation.unmodelled.finding)
     findings.sort(key=lambda f: -f.gain)
-    onsets = {a.term.amplitude: a.onset for a in naming.fit.hypothesis.active if a.onset is not None}
-    notes = []
-    if left > 10 * problem.excess_scatter and findings:
-        before = max(problem.excess(naming.calibrated.residual), left)
-        notes.append(f"{100 * left / before:.1f} % of the slow structure in the residual is left unexplained")
-    beyond = any(f.term.endswith(".unlisted") for f in findings)
-    verdict = "unlisted" if beyond else "explained" if findings else "nothing_missing"
-    if not findings and left > 30 * problem.excess_scatter:
-        verdict = "undecided"
-        notes.append("the recordings differ from the re-fitted base model, and nothing that was tried explains how")
     return Diagnosis(
-        verdict=verdict,  # type: ignore[arg-type]
+        verdict=_verdict(findings, left > thresholds.UNDECIDED * problem.excess_scatter),
         findings=findings,
-        calibrated=naming.calibrated.estimates(units),
+        calibrated=explanation.calibrated.estimates(units),
         repaired=repaired,
-        onsets=onsets,
-        ranking=naming.ranking,
-        notes=notes,
-        structure={"calibrated": problem.excess(naming.calibrated.residual), "repaired": left},
+        ranking=explanation.selection.ranking,
+        structure={
+            "calibrated": problem.excess(explanation.calibrated.residual),
+            "repaired": left,
+            "scatter": problem.excess_scatter,
+        },
     )
 
 
-def _finding(problem: Problem, naming: Naming, named: Named, repaired: Mapping[str, Estimate], left: float) -> Finding:
-    on = {a.term.name: a for a in naming.fit.hypothesis.active}
-    active = on[named.term]
-    alike = sorted(named.alike, key=named.alike.__getitem__)
-    twins = [t for t, leader in naming.twins.items() if leader == named.term] + [
-        naming.twins[named.term] for _ in (0,) if named.term in naming.twins
-    ]
-    equivalent = list(dict.fromkeys([*twins, *alike]))[: MOST_NAMES - 1]
+def _verdict(findings: Sequence[Finding], much_left: bool) -> Verdict:
+    if any(f.shape for f in findings):
+        return "unlisted"
+    if findings:
+        return "explained"
+    return "undecided" if much_left else "nothing_missing"
+
+
+def _finding(
+    problem: Problem, explanation: Explanation, selected: Selected, repaired: Mapping[str, Estimate], left: float
+) -> Finding:
+    on = {a.name: a for a in explanation.fit.hypothesis.terms}
+    active = on[selected.term]
+    leaders = explanation.selection.indistinguishable  # term -> the one that it equals
+    twins = [t for t, leader in leaders.items() if leader == selected.term]
+    twins += [leaders[selected.term]] if selected.term in leaders else []
+    alike = sorted(selected.alike, key=selected.alike.__getitem__)
     both = [active, *(on[t] for t in twins if t in on)]
-    parameters = {name: repaired[name] for a in both for name in a.values if name in repaired}
-    where, words = locate(problem, naming.fit, active)
     return Finding(
-        term=named.term,
-        equivalent=tuple(equivalent),
-        confidence=confidence(named.gain, left),
+        term=selected.term,
+        equivalent=tuple(dict.fromkeys([*twins, *alike]))[: thresholds.MOST_NAMES - 1],
+        confidence=confidence(selected.gain, left),
         onset=active.onset,
-        parameters=parameters,
-        where=where,
-        gain=named.gain,
-        words=words,
+        parameters={name: repaired[name] for a in both for name in a.values if name in repaired},
+        where=where_it_shows(problem, explanation.fit, active),
+        gain=selected.gain,
     )

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cobot_joint.diagnosis.plant.correction import Product
 from cobot_joint.diagnosis.store import plain
 
 Verdict = Literal["nothing_missing", "explained", "unlisted", "undecided"]
@@ -31,31 +32,37 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Feature:
-    """One summand of an unlisted effect at an additive port: coefficient * form(signals)."""
+    """One summand of an unmodelled effect at an additive port: coefficient * form(signals)."""
 
-    form: str  # "sin(2*phi_b)*sgn(w_b)"
+    form: Product
     coefficient: Estimate
 
 
 @dataclass(frozen=True)
 class Form:
-    """The shape of an unlisted effect.
+    """The shape of an unmodelled effect.
 
     It enters at `port` (`component.variable`, an additive input, or the reading of a channel). A formula where one
-    holds up; the table is what the data give without one: `signal` (the component's own, or the time `t`) against the
-    port's value.
+    holds up; else the table that the data give: `signal` (the component's own, or the time `t`) against the port's
+    value.
     """
 
     port: str
     unit: str
     signals: tuple[str, ...]
-    formula: str | None
-    features: tuple[Feature, ...]
+    features: tuple[Feature, ...]  # of the formula; none: there is a table
     explains: float  # share of the structure found that the form takes away
     signal: str = ""
     table: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
     period: float = 0.0  # of the table's signal: a turn, where it is an angle
-    factor: str = ""  # what multiplies the table: the sign of the speed, or nothing
+    direction: str = ""  # the signal whose sign multiplies the table, or none
+
+    @property
+    def formula(self) -> str | None:
+        """As an expression of the signals."""
+        summands = [(f.coefficient.value, str(f.form)) for f in self.features]
+        text = " + ".join(f"{k:.4g}" if form == "1" else f"{k:.4g}*{form}" for k, form in summands)
+        return text.replace("+ -", "- ") or None
 
     def to_json(self) -> dict[str, Any]:
         """As diagnosis.json has it."""
@@ -64,30 +71,30 @@ class Form:
             "unit": self.unit,
             "signals": list(self.signals),
             "formula": self.formula,
-            "features": [{"form": f.form, "coefficient": f.coefficient.to_json()} for f in self.features],
+            "features": [{"form": str(f.form), "coefficient": f.coefficient.to_json()} for f in self.features],
             "explains": self.explains,
         }
         if self.table is not None:
             found["table"] = {self.signal: self.table[0], "value": self.table[1]}
-            found |= {"period": self.period, "factor": self.factor}
+            found |= {"period": self.period, "factor": f"sgn({self.direction})" if self.direction else ""}
         return found
 
 
 @dataclass(frozen=True)
-class Course:
-    """What acted at `port` (`component.variable`, an additive input) while these recordings were made, and only then.
+class LoadHistory:
+    """External loads at `port` (`component.variable`) while these recordings were made, and only then.
 
-    courses: recording -> (time since its beginning, value), linear in between, 0 outside.
+    recordings: name -> (time since its beginning, value), linear in between, 0 outside.
     """
 
     port: str
     unit: str
-    courses: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
+    recordings: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
 
     def to_json(self) -> dict[str, Any]:
         """As diagnosis.json has it."""
-        courses = {name: {"t": t, "value": value} for name, (t, value) in self.courses.items()}
-        return {"port": self.port, "unit": self.unit, "recordings": courses}
+        recordings = {name: {"t": t, "value": value} for name, (t, value) in self.recordings.items()}
+        return {"port": self.port, "unit": self.unit, "recordings": recordings}
 
 
 @dataclass(frozen=True)
@@ -101,9 +108,8 @@ class Finding:
     parameters: dict[str, Estimate]
     where: dict[str, Any]
     gain: float  # evidence: chi-square that it takes away, corrected for the noise's colour
-    shape: Form | None = None
-    course: Course | None = None
-    words: str = ""
+    shape: Form | None = None  # of an effect that is on no list
+    load_history: LoadHistory | None = None
 
     @property
     def component(self) -> str:
@@ -121,9 +127,24 @@ class Finding:
             "parameters": {n.removeprefix(f"{self.term}."): e.to_json() for n, e in self.parameters.items()},
             "where": self.where,
             "evidence": self.gain,
-            "words": self.words,
             "shape": self.shape.to_json() if self.shape else None,
-        } | ({"course": self.course.to_json()} if self.course else {})
+        } | ({"load_history": self.load_history.to_json()} if self.load_history else {})
+
+
+@dataclass(frozen=True)
+class Advice:
+    """An experiment that would tell two terms apart, as far as simulation says.
+
+    uncouple: the unit to run by itself, of several that share a shaft. Else `experiment` and, where that is not enough,
+    `channel` (logged as well) would differ by `chi2` after a re-fit; below what separates, nothing that was tried does.
+    """
+
+    terms: tuple[str, ...]
+    uncouple: str | None = None
+    experiment: str | None = None
+    channel: str | None = None
+    seconds: float | None = None
+    chi2: float | None = None
 
 
 @dataclass(frozen=True)
@@ -141,21 +162,20 @@ class Diagnosis:
     """Answer, the numbers behind it, and what a repaired system needs.
 
     `calibrated`: base parameters fitted inside their tolerances with nothing added ("before"). `repaired`: every value
-    that the repaired system has other than nominal, base parameters and terms ("after"). `onsets`: parameters of
-    `repaired` that hold from that time only. `structure`: what the residual's slow structure has above noise.
+    that the repaired system has other than nominal, base parameters and terms ("after"). `structure`: what the
+    residual's slow structure has above noise, before and after. `repair`: withheld where it does not predict.
     """
 
     verdict: Verdict
     findings: list[Finding]
     calibrated: dict[str, Estimate]
     repaired: dict[str, Estimate]
-    onsets: dict[str, float] = field(default_factory=dict)
     ranking: list[list[Candidate]] = field(default_factory=list)  # one per round
     channels: dict[str, dict[str, Any]] = field(default_factory=dict)
     located: dict[str, Any] = field(default_factory=dict)  # where the difference lies, before it is named
-    next_experiment: str | None = None
-    notes: list[str] = field(default_factory=list)
-    structure: dict[str, float] = field(default_factory=dict)  # chi-square above noise, before and after
+    advice: list[Advice] = field(default_factory=list)  # what to record next
+    structure: dict[str, float] = field(default_factory=dict)
+    repair: Literal["offered", "withheld"] = "offered"
     seconds: float = 0.0
 
     def parameters(self, variant: Literal["nominal", "calibrated", "repaired"]) -> dict[str, float]:
@@ -163,12 +183,12 @@ class Diagnosis:
         chosen = {"nominal": {}, "calibrated": self.calibrated, "repaired": self.repaired}[variant]
         return {name: estimate.value for name, estimate in chosen.items()}
 
-    def courses(self) -> dict[str, dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]]:
+    def load_histories(self) -> dict[str, dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]]:
         """Recording -> port -> (time, value) of what acted on the machine then."""
         found: dict[str, dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]] = {}
-        for course in (f.course for f in self.findings if f.course):
-            for name, xy in course.courses.items():
-                found.setdefault(name, {})[course.port] = xy
+        for history in (f.load_history for f in self.findings if f.load_history):
+            for name, xy in history.recordings.items():
+                found.setdefault(name, {})[history.port] = xy
         return found
 
     def to_json(self) -> dict[str, Any]:
@@ -181,9 +201,9 @@ class Diagnosis:
                 "repaired": {name: e.to_json() for name, e in self.repaired.items()},
                 "channels": self.channels,
                 "located": self.located,
-                "next_experiment": self.next_experiment,
-                "notes": self.notes,
+                "advice": [asdict(advice) for advice in self.advice],
                 "structure": self.structure,
+                "repair": self.repair,
                 "seconds": self.seconds,
             }
         )

@@ -1,111 +1,53 @@
-"""Frequency responses under diagnosis: amplitudes over frequency, each from a simulated time series, as measured."""
+"""Frequency responses under diagnosis: each way to read the experiment is tried, the best one is the answer."""
 
 from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.diagnosis.data.campaign import Alternative, CampaignFile, FrequencyExperiment, read_campaign_file
+from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.data.campaign import (
+    Alternative,
+    CampaignFile,
+    FrequencyExperiment,
+    read_campaign_file,
+    system_connectors,
+)
+from cobot_joint.diagnosis.data.check import check
+from cobot_joint.diagnosis.data.parameters import with_values
 from cobot_joint.diagnosis.data.recording import Recording
-from cobot_joint.diagnosis.estimation.fit import Active, Fit, Hypothesis, difference, fit, tolerances
+from cobot_joint.diagnosis.estimation.effects import ActiveTerm
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
+from cobot_joint.diagnosis.estimation.least_squares import Precision, difference, fit
 from cobot_joint.diagnosis.estimation.problem import SMOOTH, Noise, Problem, Run
 from cobot_joint.diagnosis.findings import Candidate, Diagnosis, Finding
+from cobot_joint.diagnosis.localization.conditions import Condition
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
-from cobot_joint.diagnosis.plant.plant import Parameter, Port, Signals, SimulationError, TermCandidate
+from cobot_joint.diagnosis.plant.frequency_plant import CHANNEL, FrequencyPlant, by_frequency, quick
+from cobot_joint.diagnosis.plant.plant import Parameter, TermCandidate
+from cobot_joint.diagnosis.selection.confidence import confidence
 from cobot_joint.diagnosis.store import Store
-from cobot_joint.errors import UserError
-from cobot_joint.system.model import System
-from cobot_joint.system.parameters import with_parameters
-from cobot_joint.system.read import load_system
+from cobot_joint.errors import UserError, among
+from cobot_joint.system.model import System, Value
+from cobot_joint.system.read import find_system, load_system
 
-CHANNEL = "ln amplitude"
-ROWS = 400  # recorded per period, about
-TICK = 5e-4  # s, of which rows are multiples
+BAND = 0.8  # of what a finding takes, that its band holds
 DEGREE = 7  # degree of the polynomial in ln omega from which the data's own scatter is told
-SEEN = (0.5, 50.0)  # whitened length that a probe of a term should have: seen, and not far from linear
 FITTED = 2  # leaders of the score that are fitted
-PERIODS = 4.0  # settling times: longer periods are left out of the ranking
-POLISH = 4, 8  # steps of a fit on all frequencies after one on those that cost little: base model, and with a term
-SETTLED = 0.1  # chi-square not worth another step: a term and what it stands in for leave a narrow valley
-ALIKE = 4.0  # chi-square by which a term may fit worse and still not be told apart
-SURE = 10.0  # chi-square beyond what looking at so many terms brings by chance
+SEEN = (0.5, 50.0)  # whitened length that a probe of a term should have: seen, and not far from linear
+CALIBRATION = Precision(steps=4)  # on all frequencies, after a fit on those that cost little
+FINISHED = Precision(settled=0.1, steps=8)  # a term and what it stands in for leave a narrow valley
 Vector = NDArray[np.float64]
 Progress = Callable[[str], None]
-
-
-class FrequencyPlant:
-    """A system seen through amplitudes: one recording per frequency, which is its only time. A context manager."""
-
-    def __init__(self, system: System, experiment: FrequencyExperiment, omega: Vector) -> None:
-        self.plant = FmuPlant({"default": system})
-        self.parameters: Mapping[str, Parameter] = self.plant.parameters
-        self.terms: Sequence[TermCandidate] = self.plant.terms
-        self.ports: Sequence[Port] = ()
-        self.inputs: Sequence[Port] = ()
-        self.runs = {float(w): _run(experiment, float(w)) for w in omega}
-        self.settle, self.output = experiment.settle, experiment.output
-
-    def __enter__(self) -> FrequencyPlant:
-        return self
-
-    def __exit__(self, *error: Any) -> None:
-        self.plant.__exit__(*error)
-
-    def has(self, name: str, recording: Recording) -> bool:
-        """See Plant.has."""
-        return self.plant.has(name, next(iter(self.runs.values())))
-
-    def simulate(
-        self,
-        values: Mapping[str, float],
-        recording: Recording,
-        *,
-        onsets: Mapping[str, float] | None = None,
-        added: Mapping[str, Vector] | None = None,
-        signals: Sequence[str] = (),
-    ) -> Signals:
-        """{CHANNEL: (1,)}, ln of half the swing at the recording's frequency. SimulationError: it fails, or rests."""
-        omega = float(recording.time[0])
-        run = self.runs[omega]
-        w = self.plant.simulate(values, run)[self.output]
-        swing = np.ptp(w[run.time >= self.settle - 1e-9]) / 2
-        if not swing > 0:
-            raise SimulationError(f"{self.output}: no amplitude at {omega:g} rad/s")
-        return {CHANNEL: np.array([np.log(swing)])}
-
-
-def by_frequency(table: Recording) -> list[Recording]:
-    """One recording per row of a table (n,), so that frequencies are simulated beside each other."""
-    logs = table.outputs[CHANNEL]
-    return [
-        replace(table, name=f"{w:g} rad/s", time=table.time[k : k + 1], outputs={CHANNEL: logs[k : k + 1]})
-        for k, w in enumerate(table.time)
-    ]
-
-
-def quick(recordings: Sequence[Recording], settle: float) -> list[Recording]:
-    """The frequencies whose period is no longer than a few settling times: a ranking needs no more."""
-    few = [r for r in recordings if r.time[0] >= 2 * np.pi / (PERIODS * settle)]
-    return few if len(few) >= len(recordings) // 2 else list(recordings)
-
-
-def _run(experiment: FrequencyExperiment, omega: float) -> Recording:
-    """From rest through `settle` and one whole period, on whole steps of TICK."""
-    period = 2 * np.pi / omega
-    step = TICK * max(1, round(period / ROWS / TICK))
-    time: Vector = np.arange(int(np.ceil((experiment.settle + period) / step)) + 1, dtype=np.float64) * step
-    inputs = {experiment.input: experiment.amplitude * np.sin(omega * time)}
-    nothing = {experiment.output: np.full(len(time), np.nan)}
-    return Recording(f"{omega:g} rad/s", "train", "default", time, inputs, nothing, {})
 
 
 def read_amplitudes(path: Path) -> tuple[Vector, Vector]:
@@ -175,13 +117,26 @@ def load_response(path: Path) -> Response:
     if len(given.recording) != 1:
         raise UserError(f"{path}: {len(given.recording)} [[recording]] are given, one table is allowed")
     file = path.parent / given.system if given.system.endswith((".ssd", ".ssp")) else given.system
-    system = with_parameters(load_system(file), given.frequency_response.parameters, f"{path}: frequency_response")
+    system = with_values({"default": load_system(file)}, given.parameters, f"{path}: [parameters]")["default"]
+    check(str(path), given, {"default": system}, {"default": system_connectors(find_system(file))})
+    system = _read_as(system, given.frequency_response.parameters, f"{path}: frequency_response")
+    for alternative in given.alternative:
+        _read_as(system, alternative.parameters, f"{path}: alternative {alternative.name!r}")
+    experiment = given.frequency_response
+    for key, name, ends in (("input", experiment.input, system.inputs), ("output", experiment.output, system.outputs)):
+        if name not in ends:
+            raise UserError(f"{path}: frequency_response.{key}: {name!r} is given, {among(ends)} is allowed")
     table = path.parent / given.recording[0].patterns[0]
     omega, amplitude = read_amplitudes(table)
     recording = Recording(
         table.stem, "train", "default", omega, {}, {CHANNEL: np.log(amplitude)}, {CHANNEL: "1"}, path=table
     )
     return Response(path, given, given.frequency_response, system, recording, scatter(omega, amplitude))
+
+
+def _read_as(system: System, values: Mapping[str, Value | str], where: str) -> System:
+    """The system under one reading of the experiment."""
+    return with_values({"default": system}, values, where)["default"]
 
 
 def diagnose_response(
@@ -216,7 +171,7 @@ def diagnose_response(
 @contextmanager
 def _problems(response: Response, alternative: Alternative) -> Iterator[tuple[Problem, Problem]]:
     """All frequencies, and those that cost little."""
-    system = with_parameters(response.system, alternative.parameters, f"{response.path}: {alternative.name}")
+    system = _read_as(response.system, alternative.parameters, f"{response.path}: {alternative.name}")
     noise = {CHANNEL: Noise(response.noise)}
     with FrequencyPlant(system, response.experiment, response.recording.time) as plant:
         every = by_frequency(response.recording)
@@ -232,7 +187,7 @@ def _calibrate(response: Response, alternative: Alternative) -> tuple[float, Fit
         bounds = {n: t.bounds(parameters[n].nominal) for n, t in response.given.tolerances.items() if n in parameters}
         hypothesis = Hypothesis(tolerances(problem, bounds))
         rough = fit(fast, hypothesis)
-        found = fit(problem, hypothesis, rough.x if rough else None, most=POLISH[0])
+        found = fit(problem, hypothesis, rough.x if rough else None, precision=CALIBRATION)
         if found is None:
             raise UserError(
                 f"{response.path}: {alternative.name}: no amplitude comes out in the middle of the tolerances"
@@ -252,10 +207,10 @@ def _fits(response: Response, alternative: Alternative, base: Fit, leaders: Sequ
         for candidate in leaders:
             term = next(t for t in problem.plant.terms if t.name == candidate.term)
             start = {**candidate.shape, term.amplitude: term.neutral + 0.1 * min(term.upper - term.neutral, 10.0)}
-            rough = fit(fast, replace(base.hypothesis, active=(Active(term, start),)))
+            rough = fit(fast, base.hypothesis.with_effects(ActiveTerm(term, start)))
             if rough is None:
                 continue
-            found = fit(problem, rough.settled(), _base_start(rough), settled=SETTLED, most=POLISH[1])
+            found = fit(problem, rough.settled().hypothesis, rough.settled().x, precision=FINISHED)
             if found is not None:
                 fits[term.name] = found
     return fits
@@ -266,7 +221,7 @@ def choose(base: Fit, fits: Mapping[str, Fit], looked: int) -> tuple[Fit, tuple[
 
     Gains count in units of what is left per degree of freedom, as in an F test: far from noise, a little is nothing.
     """
-    needed = 2 * np.log(looked) + SURE
+    needed = 2 * np.log(looked) + thresholds.LOOK_ELSEWHERE
 
     def gain(found: Fit) -> float:
         return (base.chi2 - found.chi2) / max(1.0, found.chi2 / (len(found.residual) - len(found.x)))
@@ -275,15 +230,7 @@ def choose(base: Fit, fits: Mapping[str, Fit], looked: int) -> tuple[Fit, tuple[
     if not good:
         return base, ()
     best = fits[good[0]]
-    return best, tuple(name for name in good[1:] if fits[name].chi2 - best.chi2 < ALIKE)
-
-
-def _base_start(rough: Fit) -> Vector:
-    """The start of a settled hypothesis, base parameters where the rough fit left them."""
-    x = rough.settled().start()
-    base = len(rough.hypothesis.free)
-    x[:base] = rough.x[:base]
-    return x
+    return best, tuple(name for name in good[1:] if fits[name].chi2 - best.chi2 < thresholds.INDISTINGUISHABLE)
 
 
 def rank(problem: Problem, base: Fit, terms: Sequence[TermCandidate]) -> list[Candidate]:
@@ -293,7 +240,7 @@ def rank(problem: Problem, base: Fit, terms: Sequence[TermCandidate]) -> list[Ca
     if at is None or traces is None:
         return []
     residual = problem.recorded - at.white
-    basis = np.linalg.svd(traces[:, : len(base.hypothesis.free)], full_matrices=False)[0]
+    basis = np.linalg.svd(traces[:, : len(base.hypothesis.base)], full_matrices=False)[0]
     found = []
     for term in terms:
         best = Candidate(term.name, 0.0, {}, None)
@@ -351,26 +298,24 @@ def _diagnosis(response: Response, best: Reading, readings: Sequence[Reading]) -
     estimates = found.estimates(units)
     findings = []
     dof = len(response.recording.time) - len(found.x)
-    where = {"recording": response.recording.name, "regime": _where(response, best)}
-    for active in found.hypothesis.active:
+    where, left = _where(response, best), max(found.chi2 - dof, 0.0)
+    for active in found.hypothesis.terms:
         names = [active.term.amplitude, *(s.name for s in active.term.shapes)]
         parameters = {n.split(".", 1)[1]: estimates[n] for n in names}
         gain = best.calibrated.chi2 - found.chi2
-        findings.append(Finding(active.term.name, best.equivalent, _sure(gain), None, parameters, where, gain))
+        findings.append(Finding(active.name, best.equivalent, confidence(gain, left), None, parameters, where, gain))
     if best.alternative.term:
         others = [r.repaired.chi2 for r in readings if r.alternative.term != best.alternative.term]
-        gain = min(others) - found.chi2 if others else 0.0
-        words = f"the reading that fits best: {best.alternative.name}"
-        findings.append(Finding(best.alternative.term, (), _sure(gain), None, {}, where, gain, words=words))
-    explained = found.chi2 < dof + 3 * np.sqrt(2 * dof)
-    verdict: Any = ("explained" if findings else "nothing_missing") if explained else "undecided"
-    ranking = [best.ranking]
-    return Diagnosis(verdict, findings, best.calibrated.estimates(units), estimates, ranking=ranking)
-
-
-def _sure(gain: float) -> float:
-    """Confidence from the difference in chi-square to what does without."""
-    return float(1 - np.exp(-max(gain, 0.0) / 2))
+        gain = max(min(others) - found.chi2, 0.0) if others else 0.0
+        findings.append(Finding(best.alternative.term, (), confidence(gain, left), None, {}, where, gain))
+    explained = found.chi2 < dof + thresholds.LEFT_SIGMA * np.sqrt(2 * dof)
+    return Diagnosis(
+        ("explained" if findings else "nothing_missing") if explained else "undecided",
+        findings,
+        best.calibrated.estimates(units),
+        estimates,
+        ranking=[best.ranking],
+    )
 
 
 def _parameters(response: Response) -> Mapping[str, Parameter]:
@@ -378,11 +323,13 @@ def _parameters(response: Response) -> Mapping[str, Parameter]:
         return plant.parameters
 
 
-def _where(response: Response, best: Reading) -> str:
+def _where(response: Response, best: Reading) -> dict[str, object]:
     """The band in which the finding takes most of the misfit away."""
     gained = best.calibrated.residual**2 - best.repaired.residual**2
     share = np.maximum(gained, 0.0)
     order = np.argsort(-share)
-    most = order[: int(np.searchsorted(np.cumsum(share[order]), 0.8 * share.sum())) + 1]
-    omega, fastest = response.recording.time[most], np.exp(response.recording.outputs[CHANNEL][most].max())
-    return f"{omega.min():g} to {omega.max():g} rad/s, amplitudes up to {fastest:.0f}"
+    most = order[: int(np.searchsorted(np.cumsum(share[order]), BAND * share.sum())) + 1]
+    omega = response.recording.time[most]
+    part = float(share[most].sum() / max(share.sum(), 1e-300))
+    band = Condition("omega", "in a band", part, len(most) / len(share), float(omega.min()), float(omega.max()))
+    return {"recording": response.recording.name, "channel": CHANNEL, "by_regime": [band.to_json()]}

@@ -10,15 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 import cobot_joint
-from cobot_joint.diagnosis.frequency import CHANNEL, Progress, Reading, Response, diagnose_response, load_response
+from cobot_joint.diagnosis.basis import of_response
+from cobot_joint.diagnosis.data.parameters import with_values
+from cobot_joint.diagnosis.frequency import Progress, Reading, Response, diagnose_response, load_response
+from cobot_joint.diagnosis.plant.frequency_plant import CHANNEL
 from cobot_joint.diagnosis.repair.export import write_repair
 from cobot_joint.diagnosis.repair.verify import write_json
 from cobot_joint.diagnosis.report.report import verdict_sentence
+from cobot_joint.diagnosis.report.words import spoken
 from cobot_joint.diagnosis.run import Outcome, term_texts
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.results import write_csv
 from cobot_joint.scenario.figures import Curve, Panel, draw
-from cobot_joint.system.parameters import with_parameters
 
 Vector = NDArray[np.float64]
 
@@ -26,11 +29,11 @@ Vector = NDArray[np.float64]
 def diagnose_response_campaign(path: Path, out: Path, *, progress: Progress | None = None) -> Outcome:
     """Diagnose, repair, compare, report. diagnosis.json is written last; till then OUT/.work has finished readings."""
     response = load_response(path)
-    store = Store(out / ".work", _basis(response))
+    store = Store(out / ".work", of_response(response))
     diagnosis, readings = diagnose_response(response, store, progress)
     best = min(readings, key=lambda r: r.repaired.chi2)
-    system = with_parameters(response.system, best.alternative.parameters, str(response.path))
-    write_repair({"default": system}, diagnosis.parameters("repaired"), out)
+    systems = with_values({"default": response.system}, best.alternative.parameters, str(response.path))
+    write_repair(systems, diagnosis.parameters("repaired"), out)
     diagnosis.channels = {
         CHANNEL: {
             "noise": response.noise,
@@ -38,24 +41,13 @@ def diagnose_response_campaign(path: Path, out: Path, *, progress: Progress | No
                       "repaired": _rms(best.repaired.residual, response)},
         }
     }  # fmt: skip
-    content = diagnosis.to_json() | {"readings": [_reading(r, response) for r in readings]}
+    content = spoken(diagnosis.to_json()) | {"readings": [_reading(r, response) for r in readings]}
     content["provenance"] = _provenance(response)
     files = _pictures(response, readings, out)
     sentence = verdict_sentence(content, term_texts({"default": response.system}))
     write_json(out / "diagnosis.json", content)
     store.clear()
     return Outcome(sentence, content, {CHANNEL: "1"}, [out / "diagnosis.json", out / "repaired.ssp", *files])
-
-
-def _basis(response: Response) -> dict[str, Any]:
-    """What every kept result depends on."""
-    return {
-        "version": cobot_joint.__version__,
-        "units": {c.name: (c.unit.directory.name, dict(c.parameters)) for c in response.system.components},
-        "experiment": response.experiment.model_dump(),
-        "table": (response.recording.time, response.recording.outputs),
-        "tolerances": response.given.tolerances,
-    }
 
 
 def _rms(residual: Vector, response: Response) -> float:
@@ -71,7 +63,7 @@ def _reading(reading: Reading, response: Response) -> dict[str, Any]:
         "nominal": reading.nominal,
         "calibrated": _rms(reading.calibrated.residual, response),
         "repaired": _rms(reading.repaired.residual, response),
-        "terms": [active.term.name for active in reading.repaired.hypothesis.active],
+        "terms": [active.term.name for active in reading.repaired.hypothesis.terms],
         "equivalent": list(reading.equivalent),
         "values": dict(values),
         "ranking": [{"term": c.term, "gain": c.gain} for c in reading.ranking[:6]],

@@ -13,6 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from cobot_joint.errors import UserError, among
+from cobot_joint.files import results_folder
 
 if TYPE_CHECKING:
     from cobot_joint.diagnosis.data.inspection import Inspection
@@ -47,7 +48,7 @@ def inspect(
         _show(path, i)
     if out is None and system is None:
         return
-    folder = _folder(out or logs[0].parent)
+    folder = results_folder(out or logs[0].parent)
     if out is not None:
         for path, i in zip(logs, found, strict=True):
             r, every = i.recording, max(1, len(i.recording.time) // POINTS)
@@ -109,7 +110,7 @@ def _first_campaign(
 
 def usual_tolerances(system: Path) -> dict[str, str]:
     """`component.parameter` -> how far off, of components whose units are parts of a chain."""
-    from cobot_joint.system.chain import PARTS
+    from cobot_joint.diagnosis.data.chain import PARTS
     from cobot_joint.system.read import load_system
 
     usual: dict[str, dict[str, str]] = {}
@@ -142,8 +143,8 @@ def new(
     ] = None,
 ) -> None:
     """Write a readable system (.ssd) and a campaign for a machine of your own."""
-    from cobot_joint.system.chain import Chain, with_data_sheet, write_readable
-    from cobot_joint.system.chain import chain as make
+    from cobot_joint.diagnosis.data.chain import Chain, with_data_sheet, write_readable
+    from cobot_joint.diagnosis.data.chain import chain as make
     from cobot_joint.system.read import load_system
 
     if (chain is None) == (from_ is None):
@@ -151,7 +152,7 @@ def new(
     made = make([n.strip() for n in (chain or "").split(",")]) if chain else Chain(load_system(str(from_)), {})
     values = dict(_assignment(text) for text in set_ or [])
     made = with_data_sheet(made, values)
-    folder = _folder(out)
+    folder = results_folder(out)
     for name in ("system.ssd", "campaign.toml"):
         if (folder / name).exists():
             raise UserError(f"{folder / name} is there already; --out names another folder")
@@ -180,11 +181,3 @@ def _assignment(text: str) -> tuple[str, str]:
     if not (name and equals and value):
         raise UserError(f"--set {text!r} is given, PART.NAME=VALUE is allowed, for example 'motor.R=0.61 Ohm'")
     return name, value
-
-
-def _folder(path: Path) -> Path:
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UserError(f"--out {path}: a folder that can be written is needed: {error.strerror}") from error
-    return path

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import joblib
-
 import cobot_joint
+from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.archive import save
+from cobot_joint.diagnosis.basis import of_campaign
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.conditioning import ChannelQuality, condition
 from cobot_joint.diagnosis.findings import Diagnosis
 from cobot_joint.diagnosis.repair.compare import Comparison, channel_figures
+from cobot_joint.diagnosis.repair.discrepancy import DISCREPANCY
+from cobot_joint.diagnosis.repair.gate import judged
 from cobot_joint.diagnosis.repair.repair import repair
-from cobot_joint.diagnosis.repair.verify import DISCREPANCY, compare_systems, write_json
+from cobot_joint.diagnosis.repair.verify import compare_systems, exported, write_json
 from cobot_joint.diagnosis.report.report import ReportData, TermText, verdict_sentence, write_report
-from cobot_joint.diagnosis.store import Store, write_atomically
+from cobot_joint.diagnosis.report.words import spoken
+from cobot_joint.diagnosis.store import Store
 from cobot_joint.errors import UserError, among
+from cobot_joint.files import write_atomically
 from cobot_joint.system.model import System
-from cobot_joint.system.read import load_system
 
 TRIED = 8  # candidates that a report lists
 Progress = Callable[[str], None]  # what is being done, in words
@@ -44,22 +48,23 @@ def diagnose_campaign(
     Stages that an earlier, interrupted call finished are taken from OUT/.work.
     """
     say = progress or (lambda words: None)
-    systems = {setup: load_system(path) for setup, path in campaign.setups.items()}
-    store = Store(out / ".work", basis(campaign, systems))
+    systems = campaign.systems()
+    store = Store(out / ".work", of_campaign(campaign, systems))
     diagnosis = engine(baseline)(campaign, progress=progress, store=store)
     say("repairing")
     repair(diagnosis.to_json(), systems, out)
     say("comparing")
     quality = condition(campaign)
     if discrepancy := getattr(diagnosis, "discrepancy", None):
-        write_atomically(out / DISCREPANCY, lambda file: joblib.dump(discrepancy, file))
-    calibrated, courses = diagnosis.parameters("calibrated"), diagnosis.courses()
-    compared = compare_systems(campaign, campaign.recordings, out, calibrated, courses)
+        write_atomically(out / DISCREPANCY, lambda file: save(file, discrepancy, DISCREPANCY))
+    calibrated, loads = diagnosis.parameters("calibrated"), diagnosis.load_histories()
+    compared = compare_systems(campaign, campaign.recordings, out, calibrated, loads)
     diagnosis.channels = channels(compared, quality)
-    content = diagnosis.to_json()
+    judge(diagnosis)
+    content = spoken(diagnosis.to_json()) | {"exported": exported(out, campaign.setups)}
     say("reporting")
     texts = term_texts(systems)
-    nominal = nominal_values(systems, [*diagnosis.calibrated, *campaign.tolerances])
+    nominal = nominal_values(systems, [*diagnosis.repaired, *campaign.tolerances])
     data = ReportData(
         title=campaign.title,
         diagnosis=content,
@@ -79,6 +84,14 @@ def diagnose_campaign(
     return Outcome(verdict_sentence(content, texts), content, units_of(campaign), files)
 
 
+def judge(diagnosis: Diagnosis) -> None:
+    """Withhold a repair that does not predict, and what was claimed with it."""
+    if not diagnosis.findings or judged(diagnosis.channels) == "offered":
+        return
+    diagnosis.repair, diagnosis.verdict = "withheld", "undecided"
+    diagnosis.findings = [replace(f, confidence=min(f.confidence, thresholds.WITHHELD)) for f in diagnosis.findings]
+
+
 def engine(baseline: str | None) -> Callable[..., Diagnosis]:
     """The diagnosis, or what it is held against. UserError: no such baseline."""
     if baseline is None:
@@ -90,16 +103,6 @@ def engine(baseline: str | None) -> Callable[..., Diagnosis]:
     if baseline not in BASELINES:
         raise UserError(f"--baseline {baseline!r} is given, {among(BASELINES)} is allowed")
     return BASELINES[baseline]
-
-
-def basis(campaign: Campaign, systems: Mapping[str, System]) -> dict[str, Any]:
-    """What every kept result depends on. Held-out runs are not among it: they are never fitted."""
-    return {
-        "version": cobot_joint.__version__,
-        "units": {c.name: (c.unit.directory.name, dict(c.parameters)) for c in components(systems)},
-        "recordings": [(r.name, r.setup, r.time, r.inputs, r.outputs, r.initial) for r in campaign.train],
-        "tolerances": campaign.tolerances,
-    }
 
 
 def channels(compared: Sequence[Comparison], quality: Mapping[str, ChannelQuality]) -> dict[str, dict[str, Any]]:
@@ -148,4 +151,4 @@ def provenance(campaign: Campaign, systems: Mapping[str, System], baseline: str 
         "tool": f"cobot-joint {cobot_joint.__version__}" + (f", baseline {baseline}" if baseline else ""),
         "campaign": f"{campaign.title}: {', '.join(r.name for r in campaign.recordings)}",
         "units": ", ".join(f"{c.name} {c.unit.description.guid}" for c in components(systems)),
-    }
+    } | ({"parameters": ", ".join(f"{n} = {x}" for n, x in campaign.parameters.items())} if campaign.parameters else {})

@@ -16,6 +16,7 @@ from cobot_joint.scenario.model import TimeScenario
 from cobot_joint.scenario.options import TRANSFER_FUNCTION, Options
 from cobot_joint.scenario.report import Progress, Report, Table
 from cobot_joint.system import Result, load_system
+from cobot_joint.system.wiring import warn_of_unconnected
 
 MOST_POINTS = 25_000  # per signal in a picture
 ROWS_PER_CHUNK = 1_000  # between two looks at the progress
@@ -60,6 +61,7 @@ def run_over_time(scenario: TimeScenario, out: Path, options: Options, progress:
             "(thesis 3.2.4): only frequency_response has it"
         )
     system = options.applied(load_system(scenario.system), scenario.parameters, where=str(scenario.path))
+    warn_of_unconnected(system)
     inputs = scenario.signals(system)
     columns = columns_of(load_system(scenario.columns_of) if scenario.columns_of else system)
     digest = Digest(1 + int(scenario.stop_time / scenario.output_step) // MOST_POINTS)

@@ -5,7 +5,7 @@ from cobot_joint.system.model import Component, Connection, Connector, Experimen
 from cobot_joint.system.parameters import with_parameters
 from cobot_joint.system.read import find_system, load_system
 from cobot_joint.system.wiring import Wiring, check
-from cobot_joint.system.write import write_ssd, write_ssp, write_ssv
+from cobot_joint.system.write import fmu_names, write_ssd, write_ssp, write_ssv
 
 __all__ = [
     "Component",
@@ -18,6 +18,7 @@ __all__ = [
     "Wiring",
     "check",
     "find_system",
+    "fmu_names",
     "initial_order",
     "load_system",
     "with_parameters",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,6 +24,7 @@ NS = {
     "ssv": "http://ssp-standard.org/SSP1/SystemStructureParameterValues",
     "ssm": "http://ssp-standard.org/SSP1/SystemStructureParameterMapping",
 }
+LONGEST_STEP = 1.0  # s; what couples less often is no co-simulation of a machine
 FMU = "application/x-fmu-sharedlibrary"
 COUPLING = (
     "cobot-joint.coupling"  # annotation of the default experiment: <coupling scheme="gauss_seidel" step="0.001"/>
@@ -32,7 +34,8 @@ COUPLING = (
 def load_system(path: Path | str) -> System:
     """The system that an .ssd or .ssp file, or the name of a shipped one (`joint`), describes.
 
-    FMUs are taken beside the file, else by file name from the shipped units. Components keep the file's order.
+    FMUs of an .ssp are those in it; of an .ssd those beside it, else by file name the shipped units. Components keep
+    the file's order.
     UserError: the file or what it names is missing or wrong; one line that says what, what is allowed and where.
     """
     path = find_system(path)
@@ -111,10 +114,17 @@ class _Reader:
         if coupling is None:
             return Experiment(start, stop)
         scheme, step = coupling.get("scheme"), coupling.get("step")
+        return Experiment(start, stop, scheme, self._coupling_step(step) if step is not None else None)
+
+    def _coupling_step(self, text: str) -> float:
         try:
-            return Experiment(start, stop, scheme, float(step) if step else None)
-        except ValueError as error:
-            raise UserError(f"{self.path}: coupling: step {step!r} is given, a number of seconds is allowed") from error
+            step = float(text)
+        except ValueError:
+            step = math.nan
+        if not 0 < step <= LONGEST_STEP:
+            allowed = f"seconds above 0 and up to {LONGEST_STEP:g} are allowed"
+            raise UserError(f"{self.path}: coupling: step {text!r} is given, {allowed}")
+        return step
 
     def _component(self, element: etree._Element) -> Component:
         name, where = element.get("name", ""), f"{self.path}: component {element.get('name')!r}"
@@ -123,7 +133,10 @@ class _Reader:
         if element.get("implementation", "any") == "ModelExchange":
             raise UserError(f"{where}: ModelExchange is asked for, CoSimulation is allowed")
         source = element.get("source", "")
-        unit = load_unit(find_fmu(self._relative(source, where), self.base))
+        file = self._relative(source, where)
+        if self.path.suffix == ".ssp" and not (self.base / file).is_file():  # another one of that name may differ
+            raise UserError(f"{where}: source {source!r} is given, the archive holds no such FMU")
+        unit = load_unit(find_fmu(file, self.base))
         component = Component(name, source, unit)
         values = list(self._values(element, where))
         component = self._with_values(component, values, prefixed=False)
@@ -139,6 +152,7 @@ class _Reader:
         return unquote(parts.path)
 
     def _connectors(self) -> Iterator[Connector]:
+        self._once(self.element, str(self.path))
         for element in self.element.iterfind("ssd:Connectors/ssd:Connector", NS):
             name, kind = element.get("name", ""), element.get("kind")
             if kind not in ("input", "output"):
@@ -150,6 +164,12 @@ class _Reader:
                     f"{self.path}: connector {name!r}: {type_} is given, Real, Integer or Boolean is allowed"
                 )
             yield Connector(name, kind, kind_of or "Real", unit, element.get("description", ""))
+
+    def _once(self, element: etree._Element, where: str) -> None:
+        """UserError: a connector is listed twice, so that one of both would be lost."""
+        names = [c.get("name", "") for c in element.iterfind("ssd:Connectors/ssd:Connector", NS)]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise UserError(f"{where}: connector {among(twice)} is listed twice, once is allowed")
 
     def _typed(self, connectors: list[Connector], components: list[Component]) -> list[Connector]:
         """Where the description gives a system's connector no type or unit, those of the variable it is wired to."""
@@ -182,6 +202,7 @@ class _Reader:
     def _check_declared(self, element: etree._Element, wiring: Wiring) -> None:
         """Connectors that the description lists for a component have to be what its FMU offers."""
         name = element.get("name", "")
+        self._once(element, f"{self.path}: component {name!r}")
         for connector in element.iterfind("ssd:Connectors/ssd:Connector", NS):
             kind, variable = connector.get("kind"), connector.get("name", "")
             if kind not in ("input", "output"):

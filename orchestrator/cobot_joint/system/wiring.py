@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from fmpy.model_description import BaseUnit
 
+from cobot_joint import paths
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import Component, Connection, Connector, System, Type
 from cobot_joint.units import Unit
 
+log = logging.getLogger("cobot_joint")
+ADDITIVE = "_add"  # how the name of an additive input ends
+EFFORTS = ("kg.m2.s-2", "kg.m.s-2", "kg.m2.s-3.A-1")  # N.m, N, V
 EXPONENTS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
 
@@ -163,3 +168,26 @@ def check(system: System) -> None:
         feeding[sink] = connection
     if unfed := [name for name in system.outputs if (None, name) not in feeding]:
         raise UserError(f"{where}: output {among(unfed)} of the system is not connected to any component")
+
+
+def unconnected(system: System) -> list[tuple[str, float, str]]:
+    """Torques, forces and voltages that nothing gives: (`component.variable`, the value it stays at, its unit).
+
+    Additive inputs are left out: these are there for what is not modelled.
+    """
+    fed = {(c.sink_component, c.sink) for c in system.connections}
+    return [
+        (f"{c.name}.{v.name}", float(c.parameters.get(v.name, v.start or 0.0)), c.unit.unit_of(v.name) or "1")
+        for c in system.components
+        for v in c.unit.variables.values()
+        if v.causality == "input" and (c.name, v.name) not in fed and not v.name.endswith(ADDITIVE)
+        and (base := c.unit.units.get(c.unit.unit_of(v.name) or "")) is not None and spell(base) in EFFORTS
+    ]  # fmt: skip
+
+
+def warn_of_unconnected(system: System) -> None:
+    """A line for each of them, before anything runs. Shipped systems are as they are meant."""
+    if system.path is None or system.path.parent == paths.folder("systems"):
+        return
+    for name, value, unit in unconnected(system):
+        log.warning("%s: %s is not connected and stays at %g %s", system.path, name, value, unit)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
+import re
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Hashable, Iterable, Mapping
+from itertools import chain, count
 from pathlib import Path
 
 from fmpy.model_description import BaseUnit
@@ -13,6 +13,7 @@ from lxml import etree
 
 from cobot_joint import xml
 from cobot_joint.errors import UserError
+from cobot_joint.files import write_atomically
 from cobot_joint.system.model import Component, Connection, Connector, System, Value
 from cobot_joint.system.read import COUPLING, NS
 from cobot_joint.system.wiring import EXPONENTS, Wiring, check, conversion, port_type
@@ -20,37 +21,54 @@ from cobot_joint.system.wiring import EXPONENTS, Wiring, check, conversion, port
 
 def write_ssd(system: System, path: Path) -> Path:
     """The description alone; component sources as the system has them."""
-    _replace(path, describe(system, {c.name: c.source for c in system.components}))
+    text = describe(system, {c.name: c.source for c in system.components})
+    write_atomically(path, lambda file: file.write_bytes(text))
     return path
 
 
 def write_ssv(component: Component, path: Path) -> Path:
     """The parameters that a system sets on a component, as a parameter set."""
     root = _parameter_set(component)
-    _replace(path, _text(root, "SystemStructureParameterValues", path))
+    text = _text(root, "SystemStructureParameterValues", path)
+    write_atomically(path, lambda file: file.write_bytes(text))
     return path
 
 
 def write_ssp(system: System, path: Path) -> Path:
     """Description and FMUs in one archive that any SSP importer takes. Same system, same bytes."""
-    files: dict[str, Path] = {}
-    for component in system.components:
-        name = component.unit.path.name
-        if files.setdefault(name, component.unit.path) != component.unit.path:
-            raise UserError(f"{path}: two different FMUs are called {name}: {files[name]} and {component.unit.path}")
-    sources = {c.name: f"resources/{c.unit.path.name}" for c in system.components}
-    handle, partial = tempfile.mkstemp(dir=path.parent, suffix=".ssp")
-    os.close(handle)
-    try:
-        with zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED) as archive:
-            archive.writestr(zipfile.ZipInfo("SystemStructure.ssd"), describe(system, sources))
+    names = fmu_names(system)
+    files = {names[c.name]: c.unit.path for c in system.components}
+    sources = {name: f"resources/{file}" for name, file in names.items()}
+    description = describe(system, sources)
+
+    def write(file: Path) -> None:
+        with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr(zipfile.ZipInfo("SystemStructure.ssd"), description)
             for name, fmu in files.items():
                 archive.writestr(zipfile.ZipInfo(f"resources/{name}"), fmu.read_bytes())
-        Path(partial).chmod(0o644)
-        Path(partial).replace(path)
-    finally:
-        Path(partial).unlink(missing_ok=True)
+
+    write_atomically(path, write)
     return path
+
+
+def fmu_names(system: System) -> dict[str, str]:
+    """Component -> its FMU's file name in one folder: its own, and the component's too where another has taken that."""
+    wanted = [(c.unit.directory, c.unit.path.stem, c.name) for c in system.components]
+    return dict(zip((c.name for c in system.components), file_names(wanted), strict=True))
+
+
+def file_names(wanted: Iterable[tuple[Hashable, str, str]], suffix: str = ".fmu") -> list[str]:
+    """Names for (what a file holds, how to call it, what tells it from others called so): equal content, one name.
+
+    Also on file systems that do not tell A from a; what may not stand in a file's name becomes _.
+    """
+    holds: dict[str, Hashable] = {}
+    found = []
+    for content, name, other in wanted:
+        stem, further = (re.sub(r"[^\w.-]", "_", text).lstrip(".") or "_" for text in (name, other))
+        stems = chain([stem, f"{stem}_{further}"], (f"{stem}_{further}_{k}" for k in count(2)))
+        found.append(next(s for s in stems if holds.setdefault(s.casefold(), content) == content) + suffix)
+    return found
 
 
 def describe(system: System, sources: Mapping[str, str]) -> bytes:
@@ -193,9 +211,3 @@ def _tag(prefix: str, name: str) -> str:
 
 def _number(value: Value) -> str:
     return repr(float(value))
-
-
-def _replace(path: Path, text: bytes) -> None:
-    partial = path.with_name(f".{path.name}.partial")
-    partial.write_bytes(text)
-    partial.replace(path)

@@ -23,7 +23,7 @@ def term(
     name: str, amplitude: str, most: float, shapes: tuple[ScannedShape, ...] = (), phase: str | None = None
 ) -> TermCandidate:
     """A candidate of the axis, neutral at 0."""
-    return TermCandidate(f"axis.{name}", name, "", f"axis.{name}.{amplitude}", 0.0, -most, most, "N.m", shapes, phase)
+    return TermCandidate(f"axis.{name}", f"axis.{name}.{amplitude}", 0.0, -most, most, "N.m", shapes, phase)
 
 
 ORDERS = ScannedShape("axis.cogging.n", tuple(float(n) for n in range(1, 9)), 1, 8, whole=True)
@@ -42,7 +42,7 @@ PUSH = term(
         ScannedShape("axis.push.T_d", (1e6,), 1e-6, 1e9, "s", logarithmic=True),
     ),
 )
-OFFSET = TermCandidate("sensor.offset", "offset", "", "sensor.offset.y_0", 0.0, -5.0, 5.0, "rad/s")
+OFFSET = TermCandidate("sensor.offset", "sensor.offset.y_0", 0.0, -5.0, 5.0, "rad/s")
 
 
 class Axis:

@@ -16,11 +16,14 @@ AXIS_XML = """<?xml version="1.0" encoding="UTF-8"?>
     <Unit name="V"><BaseUnit kg="1" m="2" s="-3" A="-1"/></Unit>
   </UnitDefinitions>
   <ModelVariables>
-    <ScalarVariable name="s" valueReference="0" causality="output"><Real unit="m"/></ScalarVariable>
+    <ScalarVariable name="s" valueReference="0" causality="output" initial="exact">
+      <Real unit="m" start="0"/></ScalarVariable>
     <ScalarVariable name="F" valueReference="1" causality="input"><Real unit="N" start="0"/></ScalarVariable>
     <ScalarVariable name="u" valueReference="2" causality="input"><Real unit="V" start="0"/></ScalarVariable>
     <ScalarVariable name="friction.d" valueReference="3" causality="parameter" variability="fixed">
       <Real start="1"/></ScalarVariable>
+    <ScalarVariable name="friction.tau_C" valueReference="4" causality="parameter" variability="fixed">
+      <Real unit="N" start="0" min="0"/></ScalarVariable>
   </ModelVariables>
   <ModelStructure><Outputs><Unknown index="1"/></Outputs></ModelStructure>
 </fmiModelDescription>

@@ -12,17 +12,11 @@ from typer.testing import CliRunner
 from cobot_joint.cli import app
 from cobot_joint.diagnosis.data.campaign import FrequencyExperiment
 from cobot_joint.diagnosis.data.recording import Recording
-from cobot_joint.diagnosis.estimation.fit import Fit, Hypothesis
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
 from cobot_joint.diagnosis.estimation.problem import Simulated
-from cobot_joint.diagnosis.frequency import (
-    CHANNEL,
-    FrequencyPlant,
-    by_frequency,
-    choose,
-    load_response,
-    read_amplitudes,
-    scatter,
-)
+from cobot_joint.diagnosis.frequency import choose, load_response, read_amplitudes, scatter
+from cobot_joint.diagnosis.plant.frequency_plant import CHANNEL, FrequencyPlant, by_frequency
 from cobot_joint.errors import UserError
 from cobot_joint.system import load_system
 from cobot_joint.system.parameters import with_parameters

@@ -11,6 +11,7 @@ import sys
 import time
 from pathlib import Path
 
+import joblib
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
@@ -21,12 +22,17 @@ from typer.testing import CliRunner
 from cobot_joint.diagnosis import commands, run
 from cobot_joint.diagnosis.data.campaign import Campaign, load_campaign
 from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.evaluation.baselines import DiscrepancyDiagnosis
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Feature, Finding, Form
+from cobot_joint.diagnosis.plant.correction import Factor, Product
 from cobot_joint.diagnosis.plant.simulator import Simulator
+from cobot_joint.diagnosis.repair.discrepancy import Discrepancy, Process
+from cobot_joint.diagnosis.repair.export import repaired_system
 from cobot_joint.diagnosis.repair.verify import verify
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.errors import UserError
 from cobot_joint.system.read import load_system
+from cobot_joint.system.write import write_ssp
 
 R, A, ONSET = 0.215, 2e-3, 1.0
 CONCEALED = {"motor_bldc.winding.R": R, "motor_bldc.cogging.A": A}
@@ -69,6 +75,16 @@ def estimate(value: float, unit: str) -> Estimate:
     return Estimate(value, unit, (0.95 * value, 1.05 * value))
 
 
+WHERE = {
+    "recording": "noload",
+    "channel": "i_motor",
+    "time": [0.0, 1.0],
+    "by_recording": {"noload": 1.0},
+    "by_channel": {"i_motor": 1.0},
+    "by_regime": [],
+}
+
+
 def explained() -> Diagnosis:
     finding = Finding(
         term="motor_bldc.cogging",
@@ -76,12 +92,12 @@ def explained() -> Diagnosis:
         confidence=0.98,
         onset=ONSET,
         parameters={"A": estimate(A, "N.m")},
-        where={"recording": "noload", "regime": "creep"},
+        where=WHERE,
         gain=1e4,
     )
     calibrated = {"motor_bldc.winding.R": estimate(R, "Ohm")}
     repaired = calibrated | {"motor_bldc.cogging.A": estimate(A, "N.m")}
-    return Diagnosis("explained", [finding], calibrated, repaired, onsets={"motor_bldc.cogging.A": ONSET})
+    return Diagnosis("explained", [finding], calibrated, repaired)
 
 
 def unlisted(formula: bool) -> Diagnosis:
@@ -91,13 +107,12 @@ def unlisted(formula: bool) -> Diagnosis:
         port="motor_bldc.tau_add",
         unit="N.m",
         signals=("phi",),
-        formula=f"-0.002*sin({n:g}*phi)" if formula else None,
-        features=(Feature(f"sin({n:g}*phi)", estimate(-A, "N.m")),) if formula else (),
+        features=(Feature(Product((Factor("phi", "sin", n),)), estimate(-A, "N.m")),) if formula else (),
         explains=0.9,
         signal="phi",
         table=None if formula else (np.array([0.0, 1.0]), np.array([0.0, 0.0])),
     )
-    finding = Finding("motor_bldc.unlisted", (), 0.9, ONSET, {}, {"recording": "noload", "regime": "all"}, 1e4, form)
+    finding = Finding("motor_bldc.unlisted", (), 0.9, ONSET, {}, WHERE, 1e4, form)
     calibrated = {"motor_bldc.winding.R": estimate(R, "Ohm")}
     return Diagnosis("unlisted", [finding], calibrated, calibrated)
 
@@ -135,6 +150,40 @@ def test_the_files_of_a_diagnosis_are_there_and_agree(
             assert channel[variant] == pytest.approx(content["channels"][name]["holdout"][variant])
 
 
+@pytest.fixture
+def other_machine(tmp_path: Path) -> Path:
+    """The bench with another gearhead and thicker grease, which its campaign says."""
+    machine = {"planetary_gear.ratio.N": 66.0, "motor_bldc.friction.d": 9e-6}
+    text = 'system = "joint"\n[parameters]\n"planetary_gear.ratio.N" = 66\n"motor_bldc.friction.d" = "9 uN.m.s/rad"\n'
+    for seed, role in enumerate(("train", "holdout")):
+        record(tmp_path, role, "loaded", seed, machine | CONCEALED)
+        text += f'[[recording]]\nfile = "{role}.parquet"\nsetup = "loaded"\nrole = "{role}"\n'
+    (tmp_path / "campaign.toml").write_text(text)
+    return tmp_path / "campaign.toml"
+
+
+def test_this_machine_s_parameters_are_in_every_result(
+    other_machine: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run, "engine", knows(explained()))
+    outcome = run.diagnose_campaign(load_campaign(other_machine), tmp_path / "d")
+    exported = load_system(tmp_path / "d/repaired.ssp")
+    expected = {"planetary_gear.ratio.N": 66.0, "motor_bldc.friction.d": 9e-6, "motor_bldc.winding.R": R}
+    for name, value in expected.items():
+        component, variable = name.split(".", 1)
+        assert float(exported.component(component).unit.variables[variable].start) == value
+    told = "planetary_gear.ratio.N = 66.0, motor_bldc.friction.d = 9 uN.m.s/rad"
+    assert told in (tmp_path / "d/report.html").read_text()
+    assert outcome.diagnosis["channels"]["w_motor"]["train"]["repaired"] == pytest.approx(NOISE["w_motor"], rel=0.1)
+    (tmp_path / "alone").mkdir()
+    (tmp_path / "alone/diagnosis.json").write_bytes((tmp_path / "d/diagnosis.json").read_bytes())
+    for folder in ("d", "alone"):
+        figures = verify(tmp_path / folder, load_campaign(other_machine, roles=("holdout",)))["channels"]
+        assert figures["tau_sensor"]["repaired"] == pytest.approx(NOISE["tau_sensor"], rel=0.1)
+        assert figures["w_motor"]["repaired"] == pytest.approx(NOISE["w_motor"], rel=0.1)
+        assert figures["w_motor"]["nominal"] > 1.1 * NOISE["w_motor"]
+
+
 @pytest.mark.parametrize("formula", [True, False])
 def test_an_unlisted_effect_becomes_a_unit_on_the_port(
     campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, formula: bool
@@ -158,8 +207,75 @@ def test_the_repaired_system_is_rebuilt_from_the_answer_alone(
     (tmp_path / "there").mkdir()
     (tmp_path / "there/diagnosis.json").write_bytes((tmp_path / "here/diagnosis.json").read_bytes())
     campaign = load_campaign(campaign_file, roles=("holdout",))
-    assert verify(tmp_path / "there", campaign) == verify(tmp_path / "here", campaign)
+    there, here = verify(tmp_path / "there", campaign), verify(tmp_path / "here", campaign)
+    assert there["channels"] == here["channels"]
+    assert (there["system"], here["system"]) == ("built from diagnosis.json", "repaired.ssp, repaired_no_load.ssp")
     assert (tmp_path / "there/repaired.ssp").read_bytes() == (tmp_path / "here/repaired.ssp").read_bytes()
+
+
+def test_a_wrong_export_does_not_pass(campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """diagnosis.json is right, the exported system lacks the cogging, or one of its units."""
+    monkeypatch.setattr(run, "engine", knows(explained()))
+    run.diagnose_campaign(load_campaign(campaign_file), tmp_path)
+    campaign = load_campaign(campaign_file, roles=("holdout",))
+    right = verify(tmp_path, campaign)
+    calibrated = repaired_system(load_system("joint_logged"), {"motor_bldc.winding.R": R}, tmp_path / "wrong")
+    write_ssp(calibrated, tmp_path / "repaired.ssp")
+    wrong = verify(tmp_path, campaign)
+    assert wrong["system"] == "repaired.ssp, repaired_no_load.ssp, changed since diagnose wrote it"
+    assert wrong["channels"]["w_motor"]["repaired"] > 1.1 * right["channels"]["w_motor"]["repaired"]
+    assert wrong["channels"]["w_motor"]["repaired"] == pytest.approx(
+        wrong["channels"]["w_motor"]["calibrated"], rel=1e-3
+    )
+    (tmp_path / "repaired.ssp").unlink()
+    with pytest.raises(UserError, match=r"repaired\.ssp': there is none"):
+        verify(tmp_path, campaign)
+
+
+class Evil:
+    """What a pickle could carry: creating a file when it is read."""
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+
+    def __reduce__(self) -> tuple:
+        return (Path.touch, (self.file,))
+
+
+@pytest.mark.parametrize("name", ["discrepancy.joblib", "discrepancy.npz", ".work/calibrated-0.joblib"])
+def test_verify_executes_nothing_that_lies_in_the_folder(
+    campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setattr(run, "engine", knows(explained()))
+    run.diagnose_campaign(load_campaign(campaign_file), tmp_path / "d")
+    (tmp_path / "d" / name).parent.mkdir(exist_ok=True)
+    joblib.dump(Evil(tmp_path / "harm"), tmp_path / "d" / name)
+    campaign = load_campaign(campaign_file, roles=("holdout",))
+    if name.startswith(".work"):
+        verify(tmp_path / "d", campaign)
+    else:
+        with pytest.raises(UserError, match="run cobot-joint diagnose --baseline again"):
+            verify(tmp_path / "d", campaign)
+    assert not (tmp_path / "harm").exists()
+
+
+def test_a_baseline_s_correction_of_the_outputs_is_kept_and_verified(
+    campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A process of one far sample with no weight: an offset of each speed, wherever."""
+    one = np.zeros(1)
+    shift = Process(one, one + 1, one + 1, 1.0, np.full((1, 1), 1e3), one, offset=2.0, gain=1.0)
+    corrected = DiscrepancyDiagnosis(
+        "undecided", [], {}, {}, discrepancy=Discrepancy(("v_command",), {"w_motor": shift})
+    )
+    outputs = {}
+    for name, diagnosis in (("plain", Diagnosis("undecided", [], {}, {})), ("corrected", corrected)):
+        monkeypatch.setattr(run, "engine", knows(diagnosis))
+        run.diagnose_campaign(load_campaign(campaign_file), tmp_path / name)
+        verify(tmp_path / name, load_campaign(campaign_file, roles=("holdout",)))
+        table = pa.parquet.read_table(tmp_path / name / "verify.parquet")
+        outputs[name] = table["w_motor.repaired [rad/s]"].to_numpy()
+    assert np.allclose(outputs["corrected"], outputs["plain"] + 2.0, rtol=0, atol=1e-9)
 
 
 def test_verify_writes_what_anyone_can_recompute(
@@ -183,7 +299,7 @@ def test_the_commands_answer_as_promised(campaign_file: Path, tmp_path: Path, mo
     runner = CliRunner()
     answer = runner.invoke(app, ["diagnose", str(campaign_file), "--out", str(tmp_path / "d")])
     assert answer.exit_code == 0, answer.output
-    assert "The system leaves out" in answer.output
+    assert "The model lacks" in answer.output
     assert "held-out runs" in answer.output
     answer = runner.invoke(app, ["verify", str(tmp_path / "d"), str(campaign_file)])
     assert answer.exit_code == 0, answer.output
@@ -257,7 +373,7 @@ def test_a_diagnosis_that_is_killed_goes_on_and_says_the_same(tmp_path: Path) ->
         return subprocess.Popen(call, stdout=subprocess.DEVNULL)
 
     killed, work = start("killed"), tmp_path / "killed/.work"
-    while killed.poll() is None and not list(work.glob("*.joblib")):
+    while killed.poll() is None and not list(work.glob("*.npz")):
         time.sleep(0.05)
     killed.kill()
     killed.wait()

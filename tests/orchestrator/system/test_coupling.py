@@ -40,8 +40,9 @@ def test_scheme_that_is_asked_for_wins(system: System) -> None:
         assert simulation.run(INPUTS, 0.01).scheme == DEFAULT
 
 
-def test_step_that_is_no_number_is_refused(system: System, tmp_path: Path) -> None:
+@pytest.mark.parametrize("step", ["short", "", "-1", "0", "inf", "nan", "1e9"])
+def test_a_step_that_is_none_is_refused(system: System, tmp_path: Path, step: str) -> None:
     path = write_ssd(system, tmp_path / "axis.ssd")
-    path.write_text(path.read_text().replace('step="0.0002"', 'step="short"'))
-    with pytest.raises(UserError, match="step 'short' is given"):
+    path.write_text(path.read_text().replace('step="0.0002"', f'step="{step}"'))
+    with pytest.raises(UserError, match=f"step '{step}' is given, seconds above 0 and up to 1 are allowed"):
         load_system(path)

@@ -13,6 +13,7 @@ from cobot_joint.system import System, load_system
 
 Make = Callable[..., Path]
 Pair = Callable[..., System]
+Wire = Callable[..., str]
 
 
 def binding(parameters: str, attributes: str = "", mapping: str = "", units: str = "") -> str:
@@ -108,6 +109,20 @@ def test_archive_reaches_nothing_outside_of_itself(make_system: Make, tmp_path: 
         archive.write(ssd, "SystemStructure.ssd")
     with pytest.raises(UserError, match="a path relative to the description is allowed"):
         load_system(tmp_path / "system.ssp")
+
+
+def test_a_connector_that_is_listed_twice_is_refused(pair: Pair, wire: Wire) -> None:
+    """The second one's kind and unit would go unseen."""
+    twice = 2 * '<ssd:Connector name="w" kind="output"><ssc:Real unit="rad/s"/></ssd:Connector>'
+    with pytest.raises(UserError, match=r"system\.ssd: connector w is listed twice, once is allowed"):
+        pair(wire("motor.w", "w"), connectors=twice)
+    with pytest.raises(UserError, match="component 'motor': connector w is listed twice, once is allowed"):
+        pair("", motor=f"<ssd:Connectors>{twice}</ssd:Connectors>")
+
+
+def test_a_connector_that_is_wired_twice_is_refused(pair: Pair, wire: Wire) -> None:
+    with pytest.raises(UserError, match="two sources feed one sink, only one may"):
+        pair(wire("motor.w", "meter.w") + wire("motor.w", "meter.w"))
 
 
 def test_archive_without_a_system_is_refused(tmp_path: Path) -> None:

@@ -9,7 +9,8 @@ from math import pi
 import pytest
 
 from cobot_joint.errors import UserError
-from cobot_joint.system import Connection, System, check
+from cobot_joint.system import Connection, System, check, load_system
+from cobot_joint.system.wiring import unconnected, warn_of_unconnected
 
 Pair = Callable[..., System]
 Wire = Callable[..., str]
@@ -107,3 +108,18 @@ def test_system_that_is_put_together_in_python_is_checked_too(pair: Pair, wire: 
     wrong = replace(system, connections=(*system.connections, Connection("motor", "n", "meter", "tau")))
     with pytest.raises(UserError, match=r"motor\.n \(Integer\) is connected to meter\.tau \(Real\)"):
         check(wrong)
+
+
+def test_torques_that_nothing_gives_are_warned_of(pair: Pair, wire: Wire, caplog: pytest.LogCaptureFixture) -> None:
+    system = pair(wire("motor.w", "meter.w"))
+    assert unconnected(system) == [("motor.tau", 0.0, "N.m"), ("meter.tau", 0.0, "N.m")]
+    warn_of_unconnected(system)
+    assert f"{system.path}: meter.tau is not connected and stays at 0 N.m" in caplog.text
+
+
+def test_shipped_systems_run_without_a_word(caplog: pytest.LogCaptureFixture) -> None:
+    """Without load, the gearhead's shaft end is free: that is the test."""
+    system = load_system("joint_no_load")
+    assert unconnected(system) == [("planetary_gear.tau_s", 0.0, "N.m")]
+    warn_of_unconnected(system)
+    assert caplog.text == ""

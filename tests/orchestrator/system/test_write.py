@@ -15,6 +15,8 @@ from fmpy.ssp.ssd import read_ssd, read_ssv
 from cobot_joint.cosim import simulate
 from cobot_joint.errors import UserError
 from cobot_joint.system import Inputs, System, load_system, with_parameters, write_ssd, write_ssp, write_ssv
+from cobot_joint.system.write import file_names
+from cobot_joint.units import load_unit
 
 Pair = Callable[..., System]
 Wire = Callable[..., str]
@@ -103,12 +105,39 @@ def test_fmpy_reads_the_parameter_set(system: System, tmp_path: Path) -> None:
     }
 
 
-def test_two_different_fmus_of_one_name_are_refused(system: System, tmp_path: Path) -> None:
-    motor, meter = system.components
+def test_two_different_fmus_of_one_name_are_both_in_the_archive(system: System, tmp_path: Path) -> None:
     (tmp_path / "other").mkdir()
-    other = replace(meter.unit, path=tmp_path / "other" / "motor.fmu")
-    with pytest.raises(UserError, match=r"two different FMUs are called motor\.fmu"):
-        write_ssp(replace(system, components=(motor, replace(meter, unit=other))), tmp_path / "x.ssp")
+    (tmp_path / "other" / "motor.fmu").write_bytes((tmp_path / "meter.fmu").read_bytes())
+    motor, meter = system.components
+    alike = replace(system, components=(motor, replace(meter, unit=load_unit(tmp_path / "other" / "motor.fmu"))))
+    written = load_system(write_ssp(alike, tmp_path / "x.ssp"))
+    same(written, system)
+    assert [c.unit.name for c in written.components] == ["motor", "meter"]
+
+
+def test_an_archive_without_one_of_its_fmus_is_refused(tmp_path: Path) -> None:
+    """The shipped unit of that name is another one: it may not have the exported values."""
+    whole = write_ssp(load_system("joint"), tmp_path / "joint.ssp")
+    with zipfile.ZipFile(whole) as source, zipfile.ZipFile(tmp_path / "less.ssp", "w") as target:
+        for name in source.namelist():
+            if "motor_bldc" not in name:
+                target.writestr(name, source.read(name))
+    with pytest.raises(UserError, match=r"'resources/motor_bldc\.fmu' is given, the archive holds no such FMU"):
+        load_system(tmp_path / "less.ssp")
+
+
+def test_file_names_are_one_for_each_content_on_every_file_system() -> None:
+    wanted = [
+        (1, "motor", "a"),
+        (2, "motor", "b"),
+        (1, "motor", "c"),
+        (3, "Motor", "b"),
+        (4, "../x/y", "d"),
+        (5, "..", ""),
+    ]
+    assert file_names(wanted) == [
+        "motor.fmu", "motor_b.fmu", "motor.fmu", "Motor_b_2.fmu", "_x_y.fmu", "_.fmu"
+    ]  # fmt: skip
 
 
 def test_system_that_does_not_check_is_not_written(system: System, tmp_path: Path) -> None:

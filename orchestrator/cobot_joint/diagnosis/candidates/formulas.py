@@ -1,8 +1,8 @@
-"""The dictionary of forms that an unlisted effect may have: functions of a component's own signals and of time."""
+"""Forms that an unmodelled effect may have at a port: products of functions of a unit's own signals and of time."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,16 +10,19 @@ import numpy as np
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.order_spectrum import order_spectrum
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
-from cobot_joint.diagnosis.plant.correction import SGN
-from cobot_joint.diagnosis.plant.plant import Port, Signals
+from cobot_joint.diagnosis.plant.correction import SGN, TIME, Factor, Product
+from cobot_joint.diagnosis.plant.plant import Port
 
 ORDERS = tuple(float(n) for n in range(1, 49))  # periods per turn that are looked for
 FEW, MORE = 2, 4  # waves that are tried at every port, and at those where the residual points
-LOADS = ("i", "tau_e", "tau_g", "tau_s", "tau_m", "tau_belt")  # names of a unit's current or torque
-WIDTHS = (1e-3, 1e-2, 5e-2)  # of a sign that is smoothed, over the largest speed
+LOADS = 2  # of a unit's torques and currents that forms are made of
+COLLINEAR = 0.97  # correlation from which on two loads are one
+FOLLOWS = 0.02  # of an angle's travel, to which the integral of its speed equals it
+WIDTHS = (1e-3, 1e-2, 5e-2)  # of a smoothed sign, over the largest speed
 DECAYS = (0.03, 0.1, 0.3)  # speeds over which friction falls, over the largest speed
 SLOW = (1, 4, 16)  # s
 Wave = tuple[str, float]  # angle, periods per turn
+Feature = Mapping[str, Vector]  # recording -> (n,)
 
 
 @dataclass(frozen=True)
@@ -29,11 +32,6 @@ class Local:
     signals: Mapping[str, Vector]
     time: Vector
 
-    def wave(self, name: str, order: float) -> dict[str, Vector]:
-        """Sine and cosine of an angle."""
-        forms = (("sin", np.sin), ("cos", np.cos))
-        return {f"{f}({order:g}*{name})": function(order * self.signals[name]) for f, function in forms}
-
 
 class Dictionary:
     """Forms at one port on the trajectories of one fit."""
@@ -42,15 +40,30 @@ class Dictionary:
         self.problem, self.port = problem, port
         self.outputs = problem.outputs(start.run, port.signals)
         self.locals = {
-            r.name: Local({n.split(".", 1)[1]: v for n, v in outputs.items() if n in port.signals}, r.time - r.time[0])
+            r.name: Local({_short(n): v for n, v in outputs.items() if n in port.signals}, r.time - r.time[0])
             for r, outputs in zip(problem.recordings, self.outputs, strict=True)
             if problem.plant.has(port.name, r)
         }
-        names = [n.split(".", 1)[1] for n in port.signals]
-        self.angles = [n.split(".", 1)[1] for n in port.angles]
-        self.speed = next((w for w in map(speed_of, self.angles) if w in names), None)
-        self.loads = [n for n in LOADS if n in names][:2]
-        self.voltage = "set_value" if "set_value" in names else None
+        self.angles = [_short(n) for n in port.angles]
+        self.speeds = {angle: w for angle in self.angles if (w := self._speed_of(angle)) is not None}
+        self.speed = next(iter(self.speeds.values()), None)
+        self.loads = self._independent([_short(n) for n in port.loads])
+        self.voltage = next(map(_short, port.voltages), None)
+
+    def _speed_of(self, angle: str) -> str | None:
+        """The signal whose integral the angle is, in every run in which it moves; None: there is none."""
+        moving = [k for k in self.locals.values() if np.ptp(k.signals[angle]) > 0]
+        others = [_short(n) for n in self.port.signals if _short(n) not in self.angles]
+        return next((w for w in others if moving and all(_follows(k, angle, w) for k in moving)), None)
+
+    def _independent(self, names: Sequence[str]) -> list[str]:
+        """The first that move, without those that go with one before."""
+        kept: dict[str, Vector] = {}
+        for name in names:
+            x = np.concatenate([k.signals[name] for k in self.locals.values()] or [np.zeros(1)])
+            if np.ptp(x) > 0 and not any(abs(np.corrcoef(x, y)[0, 1]) > COLLINEAR for y in kept.values()):
+                kept[name] = x
+        return list(kept)[:LOADS]
 
     def reach(self, name: str) -> float:
         """The signal's largest magnitude in any run, to one digit; 0: it never moves."""
@@ -62,76 +75,73 @@ class Dictionary:
         found: list[tuple[float, Wave]] = []
         for name in self.port.angles:
             power, _ = order_spectrum(self.problem, residual, name, self.outputs, ORDERS)
-            found += [(float(p), (name.split(".", 1)[1], n)) for n, p in zip(ORDERS, power, strict=True) if p > 0]
+            found += [(float(p), (_short(name), n)) for n, p in zip(ORDERS, power, strict=True) if p > 0]
         return [wave for _, wave in sorted(found, reverse=True)]
 
-    def first(self, waves: Sequence[Wave]) -> dict[str, dict[str, Vector]]:
-        """Form -> recording -> values, of the few that tell where the residual points."""
-        return self._collect(self._first, waves[:FEW])
+    def first(self, waves: Sequence[Wave]) -> dict[Product, Feature]:
+        """The few that tell where the residual points."""
+        return self._values([*self._first(), *self._waves(waves[:FEW])])
 
-    def more(self, waves: Sequence[Wave]) -> dict[str, dict[str, Vector]]:
+    def more(self, waves: Sequence[Wave]) -> dict[Product, Feature]:
         """The rest."""
-        return self._collect(self._more, waves[FEW:MORE])
+        return self._values([*self._more(), *self._waves(waves[FEW:MORE])])
 
-    def _collect(self, forms, waves: Sequence[Wave]) -> dict[str, dict[str, Vector]]:  # type: ignore[no-untyped-def]
-        found: dict[str, dict[str, Vector]] = {}
-        for recording, local in self.locals.items():
-            for form, values in (forms(local) | self._waves(local, waves)).items():
-                found.setdefault(form, {})[recording] = values
-        return {form: values for form, values in found.items() if any(np.any(v != 0) for v in values.values())}
+    def _values(self, products: Sequence[Product]) -> dict[Product, Feature]:
+        """Those that are not 0 everywhere."""
+        found = {p: {name: p.of(k.signals, k.time) for name, k in self.locals.items()} for p in products}
+        return {p: values for p, values in found.items() if any(np.any(v != 0) for v in values.values())}
 
-    def _waves(self, k: Local, waves: Sequence[Wave]) -> Signals:
+    def _waves(self, waves: Sequence[Wave]) -> Iterator[Product]:
         """Sines and cosines, alone and with the direction of the angle's own speed, where the unit has it."""
-        found: Signals = {}
         for name, order in waves:
-            own = speed_of(name)
-            speed = own if own in k.signals else self.speed
-            for form, values in k.wave(name, order).items():
-                found[form] = values
+            speed = self.speeds.get(name, self.speed)
+            for wave in (Factor(name, "sin", order), Factor(name, "cos", order)):
+                yield Product((wave,))
                 if speed is not None:
-                    found[f"{form}*sgn({speed})"] = values * sgn(k.signals[speed])
-        return found
+                    yield Product((wave, sign(speed)))
 
-    def _first(self, k: Local) -> Signals:
-        found = {"1": np.ones_like(k.time)}
+    def _first(self) -> Iterator[Product]:
+        yield Product()
         for name in self.loads:
-            found |= {name: k.signals[name], f"{name}^2": k.signals[name] ** 2}
+            yield from (Product((Factor(name, "u"),)), Product((Factor(name, "u2"),)))
         if self.speed is not None:
-            w, direction = k.signals[self.speed], f"sgn({self.speed})"
-            found |= {direction: sgn(w), self.speed: w, f"{self.speed}^3": w**3}
-            found[f"{self.speed}*abs({self.speed})"] = w * np.abs(w)
-            found |= {f"abs({name})*{direction}": np.abs(k.signals[name]) * sgn(w) for name in self.loads}
-        return found
+            w, direction = Factor(self.speed, "u"), sign(self.speed)
+            yield from (Product((direction,)), Product((w,)), Product((Factor(self.speed, "u3"),)))
+            yield Product((w, Factor(self.speed, "abs")))
+            yield from (Product((Factor(name, "abs"), direction)) for name in self.loads)
 
-    def _more(self, k: Local) -> Signals:
-        found: Signals = {}
+    def _more(self) -> Iterator[Product]:
         for name in self.loads:
-            y = k.signals[name]
-            found |= {f"{name}^3": y**3, f"abs({name})": np.abs(y)}
+            size = Factor(name, "abs")
+            yield from (Product((Factor(name, "u3"),)), Product((size,)))
             if self.voltage:
-                v = k.signals[self.voltage]
-                found |= {f"{name}*{self.voltage}": y * v, f"abs({name})*{self.voltage}": np.abs(y) * v}
-        drifting = {"": np.ones_like(k.time)}
+                v = Factor(self.voltage, "u")
+                yield from (Product((Factor(name, "u"), v)), Product((size, v)))
+        drifting: list[tuple[Factor, ...]] = [()]
         if self.speed is not None:
-            w, name = k.signals[self.speed], self.speed
-            found |= {f"abs({name})": np.abs(w), f"{name}^2": w**2}
-            found |= {f"{load}*{name}": k.signals[load] * w for load in self.loads}
-            reach = self.reach(name)
-            for p in (width * reach for width in WIDTHS if reach):
-                found[f"tanh({name}/{p:g})"] = np.tanh(w / p)
-            for p in (decay * reach for decay in DECAYS if reach):
-                found[f"exp(-abs({name})/{p:g})*sgn({name})"] = np.exp(-np.abs(w) / p) * sgn(w)
-            drifting |= {f"*sgn({name})": sgn(w), f"*{name}": w}
+            w, direction = Factor(self.speed, "u"), sign(self.speed)
+            yield from (Product((Factor(self.speed, "abs"),)), Product((Factor(self.speed, "u2"),)))
+            yield from (Product((Factor(load, "u"), w)) for load in self.loads)
+            reach = self.reach(self.speed)
+            yield from (Product((Factor(self.speed, "tanh", width * reach),)) for width in WIDTHS if reach)
+            yield from (Product((Factor(self.speed, "exp", decay * reach), direction)) for decay in DECAYS if reach)
+            drifting += [(direction,), (w,)]
         for T in SLOW:
-            found |= {f"exp(-t/{T}){form}": np.exp(-k.time / T) * v for form, v in drifting.items()}
-        return found
+            yield from (Product((Factor(TIME, "exp", T), *form)) for form in drifting)
 
 
-def speed_of(angle: str) -> str | None:
-    """phi_b -> w_b"""
-    return angle.replace("phi", "w", 1) if angle.startswith("phi") else None
+def sign(signal: str) -> Factor:
+    """Its direction."""
+    return Factor(signal, "tanh", SGN)
 
 
-def sgn(x: Vector) -> Vector:
-    """As the correction unit computes it."""
-    return np.tanh(x / SGN)
+def _short(name: str) -> str:
+    """component.variable -> variable"""
+    return name.split(".", 1)[1]
+
+
+def _follows(k: Local, angle: str, speed: str) -> bool:
+    """Whether the angle is the speed's integral in this run."""
+    phi, w = k.signals[angle], k.signals[speed]
+    travelled = np.concatenate([[0.0], np.cumsum(np.diff(k.time) * (w[1:] + w[:-1]) / 2)])
+    return bool(np.abs(phi - phi[0] - travelled).max() < FOLLOWS * np.ptp(phi))

@@ -1,162 +1,136 @@
-"""Courses in time that act at a port, fitted with everything else: a trapezoid in one recording, a jump in all."""
+"""What no signal announces: loads that come and go in one recording, and offsets that set in at one moment in all."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from cobot_joint.diagnosis.estimation.fit import Fit, fit
-from cobot_joint.diagnosis.estimation.port_response import PROBE, Column, LeastSquares
-from cobot_joint.diagnosis.estimation.problem import Problem, Run, Vector
+from cobot_joint.diagnosis.estimation.effects import LoadPulse, StepOffset
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.least_squares import Precision, difference, fit_added, fit_on
+from cobot_joint.diagnosis.estimation.problem import BLOCK, Problem, Vector
+from cobot_joint.diagnosis.estimation.projection import Projection
 from cobot_joint.diagnosis.plant.plant import Port
 
-STEPS = 12  # of a fit of courses
-SETTLED = 0.01  # of what is above noise, below which a further step is not worth its runs
-DAMPING = 1e-2, 1e3  # of a step, over each column's own size: first, and at most
-STRIDE = 0.15  # of an episode's length, by which a step may move its times
-EDGE = 2e-3  # s by which times are moved for a difference quotient
+RISE = 0.1  # of a span, by which a pulse begins before it, and in which it rises
+BEGUN = 0.01  # of a trace's largest residual energy, up to which it has not begun
+LOCATED = 0.05  # s to which the beginning of a trace is known
+ROUNDS = 4  # of a fit: in each, times move by a part of a pulse's length
+FIRST, FURTHER = Precision(5.0, 0.01, steps=8, jacobians=0), Precision(5.0, 0.01, steps=8, jacobians=2)
+
+Spans = Mapping[int, Sequence[tuple[float, float]]]  # recording -> (from, to), s
+Acting = LoadPulse | StepOffset
 
 
 @dataclass(frozen=True)
-class Hold:
-    """A trapezoid in one recording: rises from t[0] to t[1], falls from t[2] to t[3]."""
-
-    where: tuple[int, ...]
-    T: float
-    t: tuple[float, float, float, float]
-
-    @property
-    def x(self) -> Vector:
-        """What is fitted: the amplitude, then times."""
-        return np.array([self.T, *self.t])
-
-    def at(self, x: Vector) -> Hold:
-        """The same with other parameters, its times in order and not far from where they were."""
-        far = STRIDE * (self.t[3] - self.t[0])
-        near = np.clip(x[1:], self.x[1:] - far, self.x[1:] + far)
-        t_0, t_1, t_2, t_3 = (float(t) for t in np.maximum.accumulate(near + 1e-6 * np.arange(4)))
-        return replace(self, T=float(x[0]), t=(t_0, t_1, t_2, t_3))
-
-    def signal(self, time: Vector) -> Vector:
-        """What it adds: (n,)"""
-        return self.T * np.interp(time, self.t, [0.0, 1.0, 1.0, 0.0])
-
-
-@dataclass(frozen=True)
-class Jump:
-    """From t_0 on, in all recordings."""
-
-    where: tuple[int, ...]
-    A: float
-    t_0: float
-    step: float  # of the recordings' time: inputs are linear between samples
-
-    @property
-    def x(self) -> Vector:
-        """What is fitted: the amplitude, then times."""
-        return np.array([self.A, self.t_0])
-
-    def at(self, x: Vector) -> Jump:
-        """The same with other parameters."""
-        return replace(self, A=float(x[0]), t_0=float(x[1]))
-
-    def signal(self, time: Vector) -> Vector:
-        """What it adds: (n,)"""
-        return self.A * np.clip((time - self.t_0) / self.step + 0.5, 0.0, 1.0)
-
-
-Acting = Hold | Jump
-
-
-@dataclass(frozen=True)
-class Inferred:
-    """Courses at a port, everything else re-fitted beside them."""
+class Loads:
+    """Loads or an offset at one port, beside a fit: `gain` is the chi-square that a linear step predicts."""
 
     port: Port
-    courses: tuple[Acting, ...]
-    fit: Fit
+    effects: tuple[Acting, ...]
+    gain: float
 
 
-def fitted(problem: Problem, inferred: Inferred) -> Inferred:
-    """Levenberg-Marquardt over the courses' parameters and, inside their bounds, all others.
+def pulses(problem: Problem, start: Fit, port: Port, spans: Spans) -> Loads | None:
+    """A trapezoid over every span in which the port is there, of the size that fits best; None: there is no span."""
+    found = []
+    for n, each in spans.items():
+        recording = problem.recordings[n]
+        for a, b in each if problem.plant.has(port.name, recording) else ():
+            rise = RISE * (b - a)
+            found.append(
+                LoadPulse(port, recording.name, clock(problem, n), 0.0, (a - rise, a + rise, b - rise, b + rise))
+            )
+    return _sized(problem, start, port, found)
 
-    Where steps no longer help and something is left, the others' Jacobian is renewed once.
+
+def step_offset(problem: Problem, start: Fit, port: Port, spans: Spans) -> Loads | None:
+    """An offset that sets in where the largest trace begins; None: there is no span."""
+    there = [n for n, r in enumerate(problem.recordings) if problem.plant.has(port.name, r)]
+    shown = [(n, span) for n in there if n in spans for span in spans[n]]
+    if not shown:
+        return None
+    n, (a, b) = max(shown, key=lambda each: _held(problem, start.residual, each[0], *each[1]))
+    times = {problem.recordings[n].name: clock(problem, n) for n in there}
+    begins = _begins(problem, start.residual, n, a, b)
+    return _sized(problem, start, port, [StepOffset(port, times, 0.0, begins, LOCATED)])
+
+
+def _sized(problem: Problem, start: Fit, port: Port, effects: Sequence[Acting]) -> Loads | None:
+    """The effects with the heights of a linear step from nothing."""
+    if not effects:
+        return None
+    base = start.settled()
+    hypothesis = base.hypothesis.with_effects(*effects)
+    x = np.concatenate([base.x, *(e.start() for e in effects)])
+    sizes = [len(e.coordinates) for e in effects]
+    heights = (len(base.x) + np.cumsum([0, *sizes[:-1]])).tolist()  # the first coordinate of every effect
+    columns = difference(problem, hypothesis, x, start.simulated, heights)
+    if columns is None:
+        return None
+    gain, found = Projection(base, list(columns.T)).gain(range(len(effects)))
+    sized = [e.at(np.concatenate([[k], e.start()[1:]])) for e, k in zip(effects, found, strict=True)]
+    return Loads(port, tuple(sized), gain)
+
+
+def fitted(problem: Problem, start: Fit, effects: Sequence[Acting]) -> Fit | None:
+    """Heights and times, with everything else, beside `start`. None: that cannot be simulated.
+
+    A fit moves times by a part of a pulse's length only, so that it is repeated while that helps.
     """
-    damping, renewed = DAMPING[0], False
-    for _ in range(STEPS):
-        before = inferred.fit.cost
-        columns = responses(problem, inferred)
-        squares, size = LeastSquares(inferred.fit, columns), np.array([c.vector @ c.vector for c in columns])
-        size = np.where(size > 0, size, max(size.max(), 1.0))
-        further = None
-        while further is None and damping <= DAMPING[1]:
-            further = _stepped(problem, inferred, squares.gain(range(len(columns)), np.diag(damping * size))[1])
-            damping *= 0.2 if further else 10.0
-        inferred = further or inferred
-        above = inferred.fit.chi2 - problem.samples
-        if before - inferred.fit.cost < max(10.0, SETTLED * above):
-            if renewed or not problem.unexplained(inferred.fit.residual):
-                break
-            at, damping, renewed = inferred.fit, DAMPING[0], True
-            again = fit(problem, at.hypothesis, at.x, settled=5.0, roughly=SETTLED, most=8, fresh_most=2)
-            inferred = inferred if again is None else Inferred(inferred.port, inferred.courses, again)
-    return inferred
+    best = fit_added(problem, start, effects, FIRST)
+    for _ in range(ROUNDS if best else 0):
+        assert best is not None
+        if not problem.unexplained(best.residual):
+            break
+        further = fit_on(problem, best.settled(), FURTHER)
+        if further is None or best.cost - further.cost < max(10.0, FURTHER.roughly * (best.chi2 - problem.samples)):
+            best = further if further is not None and further.cost < best.cost else best
+            break
+        best = further
+    return best
 
 
-def _stepped(problem: Problem, inferred: Inferred, step: Vector) -> Inferred | None:
-    """The courses moved and the rest re-fitted; None: that does not help."""
-    sizes = np.cumsum([len(c.x) for c in inferred.courses])
-    moved = [c.at(c.x + s) for c, s in zip(inferred.courses, np.split(step, sizes[:-1]), strict=True)]
-    at = inferred.fit
-    hypothesis = replace(at.hypothesis, added=added(problem, inferred.port, moved))
-    found = fit(problem, hypothesis, at.x, at.jacobian, settled=5.0, roughly=SETTLED, most=4, fresh_most=0)
-    return Inferred(inferred.port, tuple(moved), found) if found is not None and found.cost < at.cost else None
+def acting(fit: Fit) -> tuple[Acting, ...]:
+    """The loads and offsets of a fit, as it found them."""
+    return tuple(e for e in fit.settled().hypothesis.effects if isinstance(e, LoadPulse | StepOffset))
 
 
-def responses(problem: Problem, inferred: Inferred, most: int | None = None) -> list[Column]:
-    """Response to every parameter (the first `most`) of every course, by differences in the recordings it is of."""
-    at, port, runs, only, steps = inferred.fit, inferred.port, [], [], []
-    for n, course in enumerate(inferred.courses):
-        for k in range(len(course.x))[:most]:
-            size = max(1e-2 * abs(course.x[0]), 10 * PROBE[port.unit]) if k == 0 else EDGE
-            moved = course.at(course.x + size * np.eye(len(course.x))[k])
-            courses = [*inferred.courses[:n], moved, *inferred.courses[n + 1 :]]
-            runs.append(Run(at.run.values, at.run.onsets, added(problem, port, courses), (port.component,)))
-            only.append(course.where[0] if len(course.where) == 1 else None)
-            steps.append(size)
-    found = problem.simulate(runs, at.simulated, only)
-    zero = np.zeros(problem.rows)
-    return [
-        Column(port, "", {}, zero if f is None else (f.white - at.simulated.white) / size)
-        for f, size in zip(found, steps, strict=True)
-    ]
-
-
-def promised_by(problem: Problem, begun: Inferred) -> float:
-    """Chi-square that a linear step of the amplitudes alone would take."""
-    columns = responses(problem, begun, most=1)
-    return LeastSquares(begun.fit, columns).gain(range(len(columns)))[0]
-
-
-def added(problem: Problem, port: Port, courses: Sequence[Acting]) -> dict[str, dict[str, Vector]]:
-    """Recording -> port -> (n,)"""
-    total: dict[str, Vector] = {}
-    for course in courses:
-        for n in course.where:
-            name = problem.recordings[n].name
-            total[name] = total.get(name, 0.0) + course.signal(clock(problem, n))
-    return {name: {port.name: x} for name, x in total.items()}
-
-
-def outline(holds: Sequence[Hold]) -> tuple[Vector, Vector]:
-    """Corners of all of a recording's episodes: (time, value)"""
-    t = np.array(sorted({t for hold in holds for t in hold.t}))
-    return t, np.sum([hold.signal(t) for hold in holds], axis=0)
+def outline(loads: Sequence[LoadPulse]) -> tuple[Vector, Vector]:
+    """Corners of all loads of one recording: (time, value)"""
+    t = np.array(sorted({t for load in loads for t in load.t}))
+    return t, np.sum([load.signal(t) for load in loads], axis=0)
 
 
 def clock(problem: Problem, n: int) -> Vector:
     """Time of a recording since its beginning: (n,)"""
     time = problem.recordings[n].time
     return np.asarray(time - time[0], dtype=np.float64)
+
+
+def energy(problem: Problem, residual: Vector, n: int) -> Vector:
+    """Chi-square above its expectation per `BLOCK` samples of a recording, all channels: (blocks,)"""
+    count = len(problem.recordings[n].time) // BLOCK
+    total = np.zeros(count)
+    for block in problem.blocks:
+        if block.recording == n:
+            above = residual[block.rows] ** 2 - block.weight
+            total += above[: count * BLOCK].reshape(-1, BLOCK).sum(axis=1)
+    return np.maximum(total, 0.0)
+
+
+def _held(problem: Problem, residual: Vector, n: int, a: float, b: float) -> float:
+    time, there = clock(problem, n)[::BLOCK], energy(problem, residual, n)
+    inside = (time[: len(there)] >= a - 1e-9) & (time[: len(there)] <= b)
+    return float(there[inside].sum())
+
+
+def _begins(problem: Problem, residual: Vector, n: int, a: float, b: float) -> float:
+    """When the trace of a span begins: at the sample before the first that has BEGUN of its largest energy."""
+    time, step = clock(problem, n), problem.recordings[n].step
+    total = np.asarray(sum(residual[block.rows] ** 2 for block in problem.blocks if block.recording == n))
+    inside = np.flatnonzero((time >= a - BLOCK * step) & (time <= b))
+    first = inside[int(np.argmax(total[inside] > BEGUN * total[inside].max()))]
+    return float(time[max(first - 1, 0)])

@@ -2,41 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.diagnosis.estimation.fit import PRIOR, Active, Fit, bounded_step
+from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.estimation.effects import ActiveTerm
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.least_squares import bounded_step
 from cobot_joint.diagnosis.estimation.order_spectrum import order_spectrum
 from cobot_joint.diagnosis.estimation.problem import Key, Problem, Run, Vector
-from cobot_joint.diagnosis.plant.plant import Signals, TermCandidate
+from cobot_joint.diagnosis.estimation.projection import solve
+from cobot_joint.diagnosis.plant.plant import PROBE, Signals, TermCandidate
 
 SEGMENTS = 16  # of a run; an effect may set in at each of their borders
 ORDERS = 3  # whole orders per term that are simulated, of those that the residual's own order spectrum shows
-PROMISING = 0.03  # of the best gain at middle shapes, that a term needs for its other shapes to be simulated
 RESPONSE = 0.3  # rms over noise that a probing amplitude should cause
 LEAST, GREATEST = 0.1, 30.0  # the same, as it is kept; simulations are rough by some 0.002
-LATE = 60.0  # chi-square by which setting in later must beat being there from the start
-TWINS = 0.9995  # cosine above which two units' terms of one name are one
 IN_PROPORTION = 100.0  # to which a probing amplitude is made larger or smaller without trying it again
-FIRST = {
-    "N.m": 1e-3,
-    "N.m.s2/rad2": 1e-9,
-    "rad/(s.N.m)": 1e-2,
-    "V": 1e-2,
-    "A": 3e-3,
-    "Ohm": 1e-2,
-    "rad": 1e-3,
-    "s": 2e-3,
-    "1": 3e-2,
-    "1/K": 1e-2,
-    "1/A2": 1e-4,
-    "1/J": 1e-5,
-    "1/rad2": 1e4,
-}  # probing amplitude by unit; then adapted
 
 
 @dataclass(frozen=True)
@@ -59,25 +47,33 @@ class Score:
     column: Column = field(repr=False)
 
     @property
-    def active(self) -> Active:
+    def active(self) -> ActiveTerm:
         """The term switched on as the score test would have it."""
-        return Active(self.term, self.values, self.onset)
+        return ActiveTerm(self.term, self.values, self.onset)
+
+    @property
+    def effects(self) -> tuple[ActiveTerm]:
+        """See Proposal."""
+        return (self.active,)
 
 
 class Scan:
     """Columns of all terms of a plant. Probing amplitudes, once found, serve every later scan."""
 
-    def __init__(self, problem: Problem, terms: Sequence[TermCandidate]) -> None:
+    def __init__(
+        self, problem: Problem, terms: Sequence[TermCandidate], progress: Callable[[str], None] | None = None
+    ) -> None:
         self.problem = problem
+        self.progress = progress
         self.terms = list(terms)
         self.probe: dict[str, float] = {}
         self._simulated: dict[tuple[Key, int], Signals] = {}  # while probing, of one recording; a column asks for them
-        self.twins: dict[str, str] = {}  # term -> term of the same name in another unit that responds alike
+        self.indistinguishable: dict[str, str] = {}  # term -> term of the same name in another unit that responds alike
 
     def columns(self, fit: Fit, skip: Collection[str] = (), only: Collection[str] | None = None) -> list[Column]:
         """One run per scanned shape (two per pair); other than middle shapes only where the term shows.
 
-        only: the terms to look at, and their twins; None: all.
+        only: the terms to look at, and those that respond alike; None: all.
         """
         terms = [
             t
@@ -89,54 +85,46 @@ class Scan:
         self._adapt([t for t in terms if t.name not in self.probe], fit)
         orders = self._orders(fit, [t for t in terms if any(s.whole for s in t.shapes)])
         first = {t.name: _middle(t, orders) for t in terms}
-        families: dict[str, list[TermCandidate]] = {}
-        for term in terms:
-            families.setdefault(term.name.split(".")[1], []).append(term)
-        followers = {
-            t.name: family[0] for family in families.values() for t in family[1:] if _same_shapes(t, family[0])
-        }
-        found = self._run(fit, [(t, first[t.name]) for t in terms])
-        by_term = {c.term.name: [c] for c in found}
-        for name, leader in followers.items():
-            if (
-                name in by_term
-                and leader.name in by_term
-                and _cosine(by_term[name][0], by_term[leader.name][0]) > TWINS
-            ):
-                self.twins[name] = leader.name
-        gains = {s.term.name: s.gain for s in scores(self.problem, fit, found)}
-        least = PROMISING * max(gains.values(), default=0.0)
+        by_term = {c.term.name: [c] for c in self._run(fit, [(t, first[t.name]) for t in terms])}
+        self._note_indistinguishable(terms, by_term)
+        gains = {s.term.name: s.gain for s in scores(self.problem, fit, [c for (c,) in by_term.values()])}
+        least = thresholds.PROMISING_SHAPE * max(gains.values(), default=0.0)
         rest = [
             (t, s)
             for t in terms
-            if t.name not in self.twins and (gains.get(t.name, 0.0) >= least or any(s.whole for s in t.shapes))
+            if t.name not in self.indistinguishable
+            if gains.get(t.name, 0.0) >= least or any(s.whole for s in t.shapes)
             for s in _shapes(t, orders)
             if s != first[t.name]
         ]
         for column in self._run(fit, rest):
             by_term.setdefault(column.term.name, []).append(column)
-        for name, leader_name in self.twins.items():
-            if name in by_term and leader_name in by_term:
-                a, b = by_term[name][0].vectors[0], by_term[leader_name][0].vectors[0]
-                ratio = float(a @ b / (b @ b))
-                by_term[name] = [
-                    Column(
-                        by_term[name][0].term,
-                        _renamed(c.shape, c.term, by_term[name][0].term),
-                        tuple(ratio * v for v in c.vectors),
-                    )
-                    for c in by_term[leader_name]
-                ]
+        for name, leader in self.indistinguishable.items():
+            if name in by_term and leader in by_term:
+                by_term[name] = _in_proportion(by_term[name][0], by_term[leader])
         return [c for columns in by_term.values() for c in columns]
 
+    def _note_indistinguishable(self, terms: Sequence[TermCandidate], first: Mapping[str, Sequence[Column]]) -> None:
+        """Terms of one name in units that respond alike: the first unit's leads."""
+        families: dict[str, list[TermCandidate]] = {}
+        for term in terms:
+            families.setdefault(term.name.split(".")[1], []).append(term)
+        for leader, *others in families.values():
+            for term in others:
+                columns = [first[name][0] for name in (term.name, leader.name) if name in first]
+                if _same_shapes(term, leader) and len(columns) == 2 and _cosine(*columns) > thresholds.COLLINEAR:
+                    self.indistinguishable[term.name] = leader.name
+
     def alike(self, name: str) -> set[str]:
-        """A term and its twins in other units."""
-        leader = self.twins.get(name, name)
-        return {leader, *(t for t, other in self.twins.items() if other == leader)}
+        """A term and those of other units that respond alike."""
+        leader = self.indistinguishable.get(name, name)
+        return {leader, *(t for t, other in self.indistinguishable.items() if other == leader)}
 
     def _run(self, fit: Fit, wanted: Sequence[tuple[TermCandidate, Mapping[str, float]]]) -> list[Column]:
         runs = [run for term, shape in wanted for run in _probes(fit.run, term, shape, self.probe[term.name])]
-        simulated = iter(self.problem.simulate(runs, fit.simulated, known=None if fit.run.added else self._simulated))
+        with self._told():
+            known = None if fit.run.added else self._simulated
+            simulated = iter(self.problem.simulate(runs, fit.simulated, known=known))
         columns = []
         for term, shape in wanted:
             vectors = [next(simulated) for _ in range(2 if term.phase else 1)]
@@ -144,6 +132,22 @@ class Scan:
                 delta = self.probe[term.name]
                 columns.append(Column(term, shape, tuple((v.white - fit.simulated.white) / delta for v in vectors)))  # type: ignore[union-attr]
         return [c for c in columns if all(v @ v > 0 for v in c.vectors)]
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """Whoever waits is told how many simulations are done, and about how long the others take."""
+        begun = time.monotonic()
+
+        def watch(done: int, total: int) -> None:
+            left = (time.monotonic() - begun) * (total - done) / done
+            if self.progress:
+                self.progress(f"score test: simulation {done} of {total}, {left:.0f} s left")
+
+        self.problem.watch = watch
+        try:
+            yield
+        finally:
+            self.problem.watch = None
 
     def probes(self, fit: Fit) -> dict[str, float]:
         """Term -> probing amplitude."""
@@ -155,7 +159,7 @@ class Scan:
 
         One recording says it, unless the term does not show there.
         """
-        trial = {t.name: min(FIRST.get(t.unit, 1e-6), 0.5 * (t.upper - t.neutral)) for t in terms}
+        trial = {t.name: min(PROBE.get(t.unit, 1e-6), 0.5 * (t.upper - t.neutral)) for t in terms}
         one = {t.name: self._fullest(t) for t in terms}
         left = list(terms)
         self._simulated.clear()  # they were beside another fit
@@ -224,7 +228,7 @@ class ScoreTest:
         self.columns = columns
         self.x = fit.x
         coordinates = fit.hypothesis.coordinates
-        self.prior = np.where([c.kind == "base" for c in coordinates], PRIOR, 1e-9)
+        self.prior = fit.hypothesis.prior
         self.lower = np.array([c.lower for c in coordinates]) - fit.x
         self.upper = np.array([c.upper for c in coordinates]) - fit.x
         duration = float(problem.times().max())
@@ -242,54 +246,53 @@ class ScoreTest:
         for gram, part, rows in zip(self.grams, self.parts, self.rows, strict=True):
             gram[0, 1:] = gram[1:, 0] = part.T @ residual[rows]
         whole, base = self.grams.sum(axis=0), len(self.x)
-        settled, nothing = bounded_step(
-            whole[1 : base + 1, 1 : base + 1] + np.diag(self.prior),
-            whole[1 : base + 1, 0] - self.prior * self.x,
-            self.lower,
-            self.upper,
-        )
-        held = (settled <= self.lower + 1e-9) | (settled >= self.upper - 1e-9)  # at a bound: it projects nothing out
+        settled = self._settled(whole[: base + 1, : base + 1])
         best: dict[str, Score] = {}
         at = base + 1
         for column in self.columns:
             own = np.arange(at, at + len(column.vectors))
             at += len(own)
             for window, active in _windows(column.term, self.grams, self.width):
-                gain, amplitude = _gain(whole, active, own, base, self.prior, self.x, held, nothing)
-                gain -= LATE if window is not None and not column.term.episode else 0.0
+                gain, amplitude = settled.gain(whole, active, own)
+                gain -= thresholds.LATER if window is not None and not column.term.episode else 0.0
                 score = _score(column, amplitude, gain, window, self.width)
                 if score and (column.term.name not in best or gain > best[column.term.name].gain):
                     best[column.term.name] = score
         return sorted(best.values(), key=lambda s: -s.gain)
 
+    def _settled(self, gram: Vector) -> _Settled:
+        """gram: of the residual and the fit's own columns."""
+        step, decrease = bounded_step(
+            gram[1:, 1:] + np.diag(self.prior), gram[1:, 0] - self.prior * self.x, self.lower, self.upper
+        )
+        free = (step > self.lower + 1e-9) & (step < self.upper - 1e-9)
+        return _Settled(1 + np.flatnonzero(free), self.prior[free], self.x[free], decrease)
 
-def _gain(
-    whole: Vector,
-    active: Vector,
-    own: NDArray[np.intp],
-    base: int,
-    prior: Vector,
-    x: Vector,
-    held: NDArray[np.bool_],
-    nothing: float,
-) -> tuple[float, Vector]:
-    """Decrease of the cost beyond what a re-fit alone brings, and the amplitudes.
 
-    active: Gram matrix over the time the term acts.
-    """
-    free = np.concatenate([1 + np.flatnonzero(~held), own])
-    gram = whole[np.ix_(free, free)].copy()
-    gradient = whole[free, 0].copy()
-    k = len(own)
-    gram[-k:, :] = active[np.ix_(own, free)]
-    gram[:, -k:] = active[np.ix_(free, own)]
-    gradient[-k:] = active[own, 0]
-    p = prior[~held]
-    gram[: len(p), : len(p)] += np.diag(p)
-    gradient[: len(p)] -= p * x[~held]
-    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    step = np.linalg.lstsq(gram / np.outer(scale, scale), gradient / scale, rcond=1e-10)[0] / scale
-    return float(gradient @ step) - nothing, step[-k:]
+@dataclass(frozen=True)
+class _Settled:
+    """Where the fit's own coordinates may go: those at a bound are held there, and project nothing out."""
+
+    free: NDArray[np.intp]  # rows of a Gram matrix
+    prior: Vector
+    x: Vector
+    decrease: float  # of the cost, by a re-fit alone
+
+    def gain(self, whole: Vector, active: Vector, own: NDArray[np.intp]) -> tuple[float, Vector]:
+        """Decrease of the cost beyond what a re-fit alone brings, and the amplitudes of columns `own`.
+
+        whole, active: Gram matrices over all the time, and over that in which the term acts.
+        """
+        free, k = np.concatenate([self.free, own]), len(own)
+        gram, gradient = whole[np.ix_(free, free)].copy(), whole[free, 0].copy()
+        gram[-k:, :] = active[np.ix_(own, free)]
+        gram[:, -k:] = active[np.ix_(free, own)]
+        gradient[-k:] = active[own, 0]
+        base = len(self.prior)
+        gram[:base, :base] += np.diag(self.prior)
+        gradient[:base] -= self.prior * self.x
+        step = solve(gram, gradient)
+        return float(gradient @ step) - self.decrease, step[-k:]
 
 
 def _windows(term: TermCandidate, grams: Vector, width: float) -> Iterator[tuple[tuple[float, float] | None, Vector]]:
@@ -352,6 +355,13 @@ def _same_shapes(a: TermCandidate, b: TermCandidate) -> bool:
 def _renamed(shape: Mapping[str, float], old: TermCandidate, new: TermCandidate) -> dict[str, float]:
     names = {o.name: n.name for o, n in zip(old.shapes, new.shapes, strict=True)}
     return {names[name]: value for name, value in shape.items()}
+
+
+def _in_proportion(own: Column, leaders: Sequence[Column]) -> list[Column]:
+    """Columns of a term that responds like another: that one's, in the proportion of one that was simulated."""
+    a, b = own.vectors[0], leaders[0].vectors[0]
+    ratio = float(a @ b / (b @ b))
+    return [Column(own.term, _renamed(c.shape, c.term, own.term), tuple(ratio * v for v in c.vectors)) for c in leaders]
 
 
 def _cosine(a: Column, b: Column) -> float:

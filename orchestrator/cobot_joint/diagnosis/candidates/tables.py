@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cobot_joint.diagnosis.candidates.formulas import Dictionary, Local, sgn
+from cobot_joint.diagnosis.candidates.formulas import Dictionary, Local, sign
 from cobot_joint.diagnosis.estimation.fit import Fit
-from cobot_joint.diagnosis.estimation.port_response import Choice, LeastSquares, respond
+from cobot_joint.diagnosis.estimation.port_response import Choice, Column, respond
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
+from cobot_joint.diagnosis.estimation.projection import Projection
 from cobot_joint.diagnosis.plant.correction import TIME
 from cobot_joint.diagnosis.plant.plant import Port
 
@@ -28,7 +29,7 @@ class Argument:
     signal: str
     knots: Vector
     period: float = 0.0
-    factor: str = ""  # "sgn(w)", or none
+    direction: str = ""  # the signal whose sign multiplies the table, or none
 
     def hats(self, k: Local) -> list[Vector]:
         """Piecewise linear functions, 1 at one knot and 0 at the others: (n,) each. The ends of a period are one."""
@@ -37,8 +38,13 @@ class Argument:
         hats = [np.interp(u, self.knots, row) for row in np.eye(len(self.knots))]
         if self.period:
             hats[0] = hats[0] + hats.pop()
-        direction = sgn(k.signals[self.factor[4:-1]]) if self.factor else 1.0
+        direction = sign(self.direction).of(k.signals[self.direction]) if self.direction else 1.0
         return [direction * hat for hat in hats]
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """That it depends on, the time not among them."""
+        return tuple(name for name in dict.fromkeys((self.signal, self.direction)) if name not in ("", TIME))
 
 
 @dataclass(frozen=True)
@@ -47,7 +53,7 @@ class Table:
 
     argument: Argument
     values: Vector
-    choice: Choice
+    choice: Choice[str]  # of one feature: the table, whose size is free
 
 
 def look_for_table(problem: Problem, start: Fit, ports: Sequence[Port], say: Callable[[str], None]) -> Table | None:
@@ -70,7 +76,7 @@ def look_for_table(problem: Problem, start: Fit, ports: Sequence[Port], say: Cal
 def arguments(dictionary: Dictionary, count: int) -> list[Argument]:
     """Speed, loads, angles over a turn, time; the latter two also with the sign of the speed."""
     locals_ = list(dictionary.locals.values())
-    directions = [""] + ([f"sgn({dictionary.speed})"] if dictionary.speed else [])
+    directions = ["", *([dictionary.speed] if dictionary.speed else [])]
     found = []
     for name in ([dictionary.speed] if dictionary.speed else []) + dictionary.loads:
         u = np.concatenate([k.signals[name] for k in locals_])
@@ -86,10 +92,21 @@ def _fitted(problem: Problem, start: Fit, dictionary: Dictionary, argument: Argu
     """As smooth as it can be without losing more than a little of what it takes."""
     hats = {recording: argument.hats(k) for recording, k in dictionary.locals.items()}
     count = len(next(iter(hats.values())))
-    features = {f"{argument.signal} at knot {k}": {r: h[k] for r, h in hats.items()} for k in range(count)}
-    moving = {form: v for form, v in features.items() if any(np.any(x != 0) for x in v.values())}
+    features = {k: {r: h[k] for r, h in hats.items()} for k in range(count)}
+    moving = {k: v for k, v in features.items() if any(np.any(x != 0) for x in v.values())}
     columns = respond(problem, start, dictionary.port, moving)
-    squares, every = LeastSquares(start, columns), list(range(len(columns)))
+    gain, coefficients = _smoothest(Projection(start, [c.vector for c in columns]), columns)
+    at_knots = dict(zip((c.form for c in columns), coefficients, strict=True))
+    values = np.array([at_knots.get(k, 0.0) for k in features])
+    if argument.period:
+        values = np.append(values, values[0])
+    named = [Column(c.port, f"{argument.signal} at knot {c.form}", c.values, c.vector) for c in columns]
+    return Table(argument, values, Choice(tuple(named), coefficients, gain).summed(f"table over {argument.signal}"))
+
+
+def _smoothest(squares: Projection, columns: Sequence[Column[int]]) -> tuple[float, Vector]:
+    """(chi-square taken, values at the knots) under the strongest penalty of second differences that costs little."""
+    every = list(range(len(columns)))
     rough = np.diff(np.eye(len(columns)), 2, axis=0)  # second differences; those across a period's ends stay free
     size = float(np.mean([c.vector @ c.vector for c in columns])) or 1.0
     small = SMALL * size * np.eye(len(columns))
@@ -100,8 +117,4 @@ def _fitted(problem: Problem, start: Fit, dictionary: Dictionary, argument: Argu
         if smoother[0] < KEPT * free:
             break
         gain, coefficients = smoother
-    at_knots = dict(zip((c.form for c in columns), coefficients, strict=True))
-    values = np.array([at_knots.get(form, 0.0) for form in features])
-    if argument.period:
-        values = np.append(values, values[0])
-    return Table(argument, values, Choice(tuple(columns), coefficients, gain))
+    return gain, coefficients

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import tomllib
 from dataclasses import dataclass, field
@@ -11,13 +12,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from cobot_joint import paths
+from cobot_joint.diagnosis.data.check import check
 from cobot_joint.diagnosis.data.delimited import Layout
 from cobot_joint.diagnosis.data.formats import nearest
+from cobot_joint.diagnosis.data.parameters import run_values, with_values
 from cobot_joint.diagnosis.data.recording import Column, Connector, Reading, Recording, Role, read_recording
 from cobot_joint.diagnosis.data.tables import read_table
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import System
 from cobot_joint.system.read import load_system
+from cobot_joint.system.wiring import warn_of_unconnected
 
 if TYPE_CHECKING:
     from cobot_joint.diagnosis.data.suspicions import Suspicion
@@ -41,20 +45,17 @@ class Tolerance:
 def _tolerance(given: Any) -> Tolerance:
     if isinstance(given, Tolerance):
         return given
-    if isinstance(given, str) and (percent := re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*%\s*", given)):
+    percent = re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*%\s*", given) if isinstance(given, str) else None
+    if percent and float(percent[1]) > 0:
         return Tolerance(relative=float(percent[1]) / 100)
-    if (
-        isinstance(given, list)
-        and len(given) == 2
-        and all(isinstance(v, (int, float)) for v in given)
-        and given[0] < given[1]
-    ):
+    numbers = isinstance(given, list) and len(given) == 2 and all(type(v) in (int, float) for v in given)
+    if numbers and -math.inf < given[0] < given[1] < math.inf:
         return Tolerance(between=(float(given[0]), float(given[1])))
-    raise ValueError(f'{given!r} is given, "20 %" or [lower, upper] is allowed')
+    raise ValueError(f'{given!r} is given, "20 %" (more than 0 %) or [lower, upper] is allowed')
 
 
 class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
+    model_config = ConfigDict(extra="forbid", arbitrary_types_allowed=True, strict=True, allow_inf_nan=False)
 
 
 class Logged(_Model):
@@ -62,10 +63,10 @@ class Logged(_Model):
 
     unit: str
     causality: Literal["input", "output"]
-    noise: float | None = None  # 1 sigma
+    noise: Annotated[float, Field(gt=0)] | None = None  # 1 sigma
     colour: Annotated[float, Field(ge=0, lt=1)] | None = None  # correlation from sample to sample; None: as recorded
-    step: float | None = None  # of the converter
-    range: float | None = None  # +-
+    step: Annotated[float, Field(ge=0)] | None = None  # of the converter
+    range: Annotated[float, Field(gt=0)] | None = None  # +-
     setups: list[str] | None = None  # where it exists; None: in all
 
 
@@ -89,6 +90,9 @@ class ColumnEntry(_Model):
         return Column(self.to, 1.0 if self.scale is None else self.scale, self.sign or 1, self.offset, looked)
 
 
+Values = dict[str, float | bool | str]  # `component.parameter` -> number, choice or quantity
+
+
 class RecordingEntry(_Model):
     """One [[recording]] of campaign.toml: a file, or several that are read alike."""
 
@@ -96,6 +100,7 @@ class RecordingEntry(_Model):
     setup: str | None = None
     role: Role = "train"
     initial: dict[str, float | First] = Field(default_factory=dict)
+    parameters: Values = Field(default_factory=dict)  # of the system in this run: a gain that was changed between runs
     time: str | None = None  # the clock's column, where it has an unusual name
     begin: float | None = None  # s on the file's clock: what lies before is left out
     end: float | None = None
@@ -112,12 +117,26 @@ class RecordingEntry(_Model):
         """`file` as a list."""
         return [self.file] if isinstance(self.file, str) else self.file
 
+    def reading(self, setup: str, initial: dict[str, float | str]) -> Reading:
+        """How its files become recordings of a set-up. initial: start values that it may say otherwise."""
+        return Reading(
+            role=self.role,
+            setup=setup,
+            initial=initial | self.initial,
+            time=self.time,
+            window=(self.begin, self.end),
+            late=self.late,
+            without=tuple(self.without),
+            layout=Layout(self.skip, self.separator, self.encoding, self.decimal),
+            table=self.table,
+        )
+
 
 class Alternative(_Model):
     """A reading of an experiment whose description leaves something open: each is diagnosed, the best is the answer."""
 
     name: str
-    parameters: dict[str, float | str] = Field(default_factory=dict)
+    parameters: Values = Field(default_factory=dict)
     term: str | None = None  # what it is a finding of, where it is not the first reading that holds
 
 
@@ -128,7 +147,7 @@ class FrequencyExperiment(_Model):
     amplitude: Annotated[float, Field(gt=0)]  # in the input's unit
     output: str  # whose half swing after settling was measured
     settle: Annotated[float, Field(ge=0)] = 2.0  # s
-    parameters: dict[str, float | str] = Field(default_factory=dict)  # of the experiment, not of the system
+    parameters: Values = Field(default_factory=dict)  # of the experiment, not of the system
 
 
 class CampaignFile(_Model):
@@ -137,6 +156,7 @@ class CampaignFile(_Model):
     title: str = "untitled"
     system: str = "joint"
     setups: dict[str, str] = Field(default_factory=dict)  # set-up -> its .ssd or .ssp
+    parameters: Values = Field(default_factory=dict)  # nominal values of this machine, in place of the system's
     channels: dict[str, str | ColumnEntry] = Field(default_factory=dict)  # column -> connector
     initial: dict[str, float | First] = Field(default_factory=dict)  # of every recording that says nothing else
     tolerances: dict[str, Annotated[Tolerance, BeforeValidator(_tolerance)]] = Field(default_factory=dict)
@@ -164,10 +184,12 @@ class Campaign:
     notes: list[str] = field(default_factory=list)
     terms: list[str] = field(default_factory=list)  # to look at; empty: all
     suspicions: list[Suspicion] = field(default_factory=list)  # of channels, once `plausible` has looked
+    parameters: Values = field(default_factory=dict)  # nominal values of this machine, as given
 
     def systems(self) -> dict[str, System]:
-        """Set-up -> its system."""
-        return {setup: load_system(path) for setup, path in self.setups.items()}
+        """Set-up -> its system with this machine's nominal values. UserError: one cannot be loaded or set."""
+        systems = {setup: load_system(path) for setup, path in self.setups.items()}
+        return with_values(systems, self.parameters, f"{self.path}: [parameters]")
 
     @property
     def train(self) -> list[Recording]:
@@ -206,7 +228,16 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
     columns = {n: c.column if isinstance(c, ColumnEntry) else Column(c) for n, c in given.channels.items()}
     columns = columns or {n: Column(str(c)) for n, c in defaults.channels.items()}
     channels = {name: column.connector for name, column in columns.items()}
-    recordings = []
+    parameters = defaults.parameters | given.parameters
+    campaign = Campaign(
+        given.title, path, given.system, setups, channels, defaults.tolerances | given.tolerances, logged, [],
+        terms=given.terms, parameters=parameters,
+    )  # fmt: skip
+    systems = campaign.systems()
+    check(str(path), given, systems, {setup: system_connectors(file) for setup, file in setups.items()})
+    for system in systems.values():
+        warn_of_unconnected(system)
+    recordings = campaign.recordings
     for files, entry in _runs(recording_files(path, given)):
         setup = entry.setup or next(iter(setups))
         if setup not in setups:
@@ -216,22 +247,13 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
         if entry.role not in roles:
             continue
         connectors = connectors_of(setups[setup], setup, logged, channels)
-        reading = Reading(
-            role=entry.role,
-            setup=setup,
-            initial=given.initial | entry.initial,
-            time=entry.time,
-            window=(entry.begin, entry.end),
-            late=entry.late,
-            without=tuple(entry.without),
-            layout=Layout(entry.skip, entry.separator, entry.encoding, entry.decimal),
-            table=entry.table,
-        )
+        reading = entry.reading(setup, given.initial)
         wired: dict[str, Column | str] = dict(columns or {name: Column(name) for name in connectors})
         if entry.table:
             recording = read_table(files, connectors, wired, reading)
         else:
             recording = read_recording(files[0], connectors, wired, reading)
+        recording.initial |= run_values(entry.parameters, systems[setup], f"{path}: recording {entry.file!r}")
         if entry.begin is not None or entry.end is not None:  # two windows of one file
             recording.name += f" from {recording.time[0]:.4g} s to {recording.time[-1]:.4g} s"
         recordings.append(recording)
@@ -239,10 +261,7 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
     for recording in recordings:  # a.csv beside a.parquet
         if names.count(recording.name) > 1 and recording.path:
             recording.name = recording.path.name
-    return Campaign(
-        given.title, path, given.system, setups, channels, defaults.tolerances | given.tolerances, logged, recordings,
-        terms=given.terms,
-    )  # fmt: skip
+    return campaign
 
 
 def recording_files(path: Path, given: CampaignFile) -> list[tuple[Path, RecordingEntry]]:
@@ -307,19 +326,17 @@ def read_campaign_file(path: Path) -> CampaignFile:
 
 def _first(error: ValidationError) -> str:
     """The first finding of pydantic, in one line."""
-    finding = error.errors()[0]
+    finding = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")  # misspelt explains missing
     if finding["loc"][0] == "channels":  # a name or a table: of the two readings, that which came further
         finding = max(error.errors(), key=lambda e: (e["loc"][:2] == finding["loc"][:2], len(e["loc"])))
     where = ".".join(str(part) for part in finding["loc"] if part not in ("ColumnEntry", "str"))
     if finding["type"] == "extra_forbidden":
-        parent: Any = CampaignFile
-        if finding["loc"][0] == "recording":
-            parent = RecordingEntry
-        elif finding["loc"][0] == "logged":
-            parent = Logged
-        elif finding["loc"][0] == "channels":
-            parent = ColumnEntry
+        tables = {"recording": RecordingEntry, "logged": Logged, "alternative": Alternative, "channels": ColumnEntry}
+        tables["frequency_response"] = FrequencyExperiment
+        parent: Any = tables.get(str(finding["loc"][0]), CampaignFile) if len(finding["loc"]) > 1 else CampaignFile
         return f"{where}: no such key, allowed are {', '.join(parent.model_fields)}"
+    if finding["type"] == "missing":
+        return f"{where}: missing"
     message = finding["msg"].removeprefix("Value error, ")
     return f"{where}: {message}" if "is given" in message else f"{where}: {finding['input']!r} is given; {message}"
 

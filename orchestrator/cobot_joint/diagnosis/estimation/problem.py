@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.plant import Plant, Signals, SimulationError
 
@@ -24,7 +25,7 @@ Key = tuple[frozenset[tuple[str, float]], frozenset[tuple[str, float]]]
 
 @dataclass(frozen=True)
 class Noise:
-    """Of a channel: 1 sigma in all, correlation from sample to sample; the converter's step: its rounding is white."""
+    """Of a channel: 1 sigma in all, lag-1 autocorrelation; the converter's step: its rounding is white."""
 
     sigma: float
     colour: float = 0.0
@@ -42,17 +43,43 @@ class Noise:
         theta = (g0 - np.sqrt(g0**2 - 4 * g1**2)) / (2 * g1)  # the invertible root of g1 theta^2 - g0 theta + g1 = 0
         return rho, float(theta), float(np.sqrt(g1 / theta))
 
+    def draw(self, n: int, rng: np.random.Generator) -> Vector:
+        """Such noise before it is rounded, stationary from the first sample on: (n,)"""
+        sigma = np.sqrt(max(self.sigma**2 - self.step**2 / 12, 0.0))
+        first = rng.normal(0, sigma)
+        drawn = np.concatenate([[first], np.sqrt(1 - self.colour**2) * rng.normal(0, sigma, n - 1)])
+        return np.asarray(lfilter([1.0], [1.0, -self.colour], drawn))
+
+    def on(self, y: Vector, rng: np.random.Generator) -> Vector:
+        """A signal as it is recorded, (n,): with noise, in steps of the converter."""
+        noisy = y + self.draw(len(y), rng)
+        return self.step * np.round(noisy / self.step) if self.step else noisy
+
 
 @dataclass(frozen=True)
 class Run:
     """What to simulate, in every recording of a problem."""
 
-    values: Mapping[str, float]
+    values: Mapping[str, float] = field(default_factory=dict)
     onsets: Mapping[str, float] = field(default_factory=dict)
     added: Mapping[str, Mapping[str, Vector]] = field(default_factory=dict)  # recording -> port -> (n,)
-    touches: tuple[
-        str, ...
-    ] = ()  # components beside which nothing changes; recordings that lack them are not run again
+    touches: tuple[str, ...] = ()  # components beside which nothing changes: recordings without them are not run again
+
+    def with_values(self, values: Mapping[str, float], onsets: Mapping[str, float] | None = None) -> Run:
+        """The same with further parameters, and from which times on these hold."""
+        return replace(self, values={**self.values, **values}, onsets={**self.onsets, **(onsets or {})})
+
+    def with_signals(self, port: str, signals: Mapping[str, Vector]) -> Run:
+        """The same with signals, recording -> (n,), on top of what enters at the port already."""
+        added = {name: dict(ports) for name, ports in self.added.items()}
+        for name, x in signals.items():
+            there = added.setdefault(name, {})
+            there[port] = there[port] + x if port in there else x
+        return replace(self, added=added)
+
+    def beside(self, *components: str) -> Run:
+        """As a run that differs from a base only in these components."""
+        return replace(self, touches=components)
 
     @property
     def key(self) -> Key:
@@ -99,6 +126,7 @@ class Problem:
         self.jobs = jobs
         self.step = step
         self.runs = 0
+        self.watch: Callable[[int, int], None] | None = None  # told of simulations done, of how many asked for at once
         self._took = [0.0 for _ in self.recordings]  # s; that a simulation took the last time
         self.blocks: list[Block] = []
         row = 0
@@ -156,8 +184,11 @@ class Problem:
             jobs.remove((k, n))
         jobs.sort(key=lambda job: -self._took[job[1]])  # what takes longest first, so that all end together
         with ThreadPoolExecutor(self.jobs) as pool:
-            for (k, n), found in zip(jobs, pool.map(lambda job: self._one(runs[job[0]], job[1]), jobs), strict=True):
+            done = pool.map(lambda job: self._one(runs[job[0]], job[1]), jobs)
+            for count, ((k, n), found) in enumerate(zip(jobs, done, strict=True), 1):
                 outputs[k][n] = found
+                if self.watch:
+                    self.watch(count, len(jobs))
         self.runs += len(jobs)
         return [self._complete(found) for found in outputs]
 
@@ -190,27 +221,30 @@ class Problem:
             raise SimulationError(f"{recording.name}: the simulation diverges")
         return found
 
-    def excess(self, residual: Vector) -> float:
-        """What is left above noise: chi-square of means over `BLOCK` samples, less its expectation.
+    def excess_by_block(self, residual: Vector) -> list[Vector]:
+        """Per block of rows: chi-square of means over `BLOCK` samples less its expectation, (n / BLOCK,).
 
-        Slow structure stays in it, white noise goes.
+        Slow structure stays in it, white noise goes; 1 sigma of an element that is recorded in full is sqrt(2) where
+        only noise is left. What is not recorded adds nothing. residual: whitened, (rows,).
         """
-        total = 0.0
-        for block in self.blocks:
-            n = len(residual[block.rows]) // BLOCK * BLOCK
-            means = residual[block.rows][:n].reshape(-1, BLOCK).sum(axis=1) / np.sqrt(BLOCK)
-            total += float(means @ means) - len(means)
-        return total
+        return [_binned(residual[block.rows]) ** 2 / BLOCK - _binned(block.weight) / BLOCK for block in self.blocks]
+
+    def excess(self, residual: Vector) -> float:
+        """`excess_by_block`, all of it."""
+        return float(sum(part.sum() for part in self.excess_by_block(residual)))
 
     @property
     def excess_scatter(self) -> float:
         """1 sigma of `excess` when only noise is left"""
-        return float(np.sqrt(2 * self.rows / BLOCK))
+        return float(np.sqrt(2 * sum(np.sum((_binned(b.weight) / BLOCK) ** 2) for b in self.blocks)))
 
     def unexplained(self, residual: Vector) -> bool:
         """Whether more is left than noise leaves."""
         left, above = self.excess(residual), float(residual @ residual) - self.samples
-        return left > 3 * self.excess_scatter or above > 0.03 * self.samples
+        by_chance = thresholds.LEFT_SIGMA * np.sqrt(2 * self.samples)
+        if above > max(thresholds.LEFT_SHARE * self.samples, by_chance):
+            return True
+        return left > thresholds.LEFT_SIGMA * self.excess_scatter
 
     def times(self) -> Vector:
         """Time of every row since its run began, s: (rows,)"""
@@ -219,3 +253,8 @@ class Problem:
             time = self.recordings[block.recording].time
             stacked[block.rows] = time - time[0]
         return stacked
+
+
+def _binned(x: Vector) -> Vector:
+    """Sums over `BLOCK` samples; a rest that fills no bin is left out: (len(x) // BLOCK,)"""
+    return np.asarray(x[: len(x) // BLOCK * BLOCK].reshape(-1, BLOCK).sum(axis=1))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,18 +12,22 @@ from numpy.typing import NDArray
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.engine import noises
-from cobot_joint.diagnosis.estimation.fit import Hypothesis, fit, tolerances
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
+from cobot_joint.diagnosis.estimation.least_squares import Precision, fit
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import SimulationError
 from cobot_joint.diagnosis.plant.simulator import Simulator
-from cobot_joint.diagnosis.repair.compare import Simulator as Simulate
+from cobot_joint.diagnosis.repair.discrepancy import Discrepancy, Process, local_signals
 from cobot_joint.diagnosis.store import Store
-from cobot_joint.system.read import load_system
+
+if TYPE_CHECKING:
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.preprocessing import StandardScaler
 
 SAMPLES = 500  # that a Gaussian process is fitted to: its cost grows with their cube
-CONVERGED = 0.003  # precision of the re-fit, as a share of what is above noise
+CONVERGED = Precision(settled=10.0, roughly=0.003)
 HEALTHY = 1.05  # whitened residual per sample up to which a re-fit says that nothing is missing
 
 
@@ -32,26 +36,6 @@ class DiscrepancyDiagnosis(Diagnosis):
     """A diagnosis whose repair is no physics but a correction of the outputs."""
 
     discrepancy: Discrepancy | None = None
-
-
-@dataclass(frozen=True)
-class Discrepancy:
-    """recording - simulation as a function of inputs and simulated outputs at the same time, per channel."""
-
-    signals: tuple[str, ...]
-    models: Mapping[str, Any]  # channel -> fitted regressor
-
-    def around(self, simulate: Simulate) -> Simulate:
-        """The simulator with the discrepancy added."""
-
-        def corrected(recording: Recording) -> Mapping[str, NDArray[np.float64]]:
-            simulated = dict(simulate(recording))
-            z = local_signals(self.signals, recording, simulated)
-            return {
-                name: y + (self.models[name].predict(z) if name in self.models else 0) for name, y in simulated.items()
-            }
-
-        return corrected
 
 
 def refit(campaign: Campaign, *, progress: Any = None, store: Store | None = None) -> Diagnosis:
@@ -70,7 +54,7 @@ def gaussian_process(campaign: Campaign, *, progress: Any = None, store: Store |
     values = {name: estimate.value for name, estimate in calibrated.items()}
     if progress:
         progress("Gaussian process")
-    with Simulator({setup: load_system(path) for setup, path in campaign.setups.items()}, values) as simulate:
+    with Simulator(campaign.systems(), values) as simulate:
         pairs = [(recording, dict(simulate(recording))) for recording in campaign.train]
     discrepancy = store.remember("gp", values, lambda: _processes(pairs))
     verdict = "nothing_missing" if healthy else "undecided"
@@ -96,28 +80,19 @@ def calibrate(campaign: Campaign, progress: Any, store: Store | None) -> tuple[d
 
 
 def _calibrate(campaign: Campaign) -> tuple[dict[str, Estimate], bool]:
-    with FmuPlant({setup: load_system(path) for setup, path in campaign.setups.items()}) as plant:
+    with FmuPlant(campaign.systems()) as plant:
         problem = Problem(plant, campaign.train, noises(campaign))
         bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
-        found = fit(problem, Hypothesis(tolerances(problem, bounds)), settled=10.0, roughly=CONVERGED)
+        found = fit(problem, Hypothesis(tolerances(problem, bounds)), precision=CONVERGED)
         if found is None:
             raise SimulationError(f"{campaign.title}: the system as specified does not run through these recordings")
         units = {name: parameter.unit for name, parameter in plant.parameters.items()}
         return found.estimates(units), found.chi2 / problem.samples < HEALTHY
 
 
-def local_signals(
-    names: tuple[str, ...], recording: Recording, simulated: Mapping[str, NDArray[np.float64]]
-) -> NDArray[np.float64]:
-    """What a discrepancy may depend on: (n, len(names)); 0 where a set-up has no such signal."""
-    have = {**recording.inputs, **simulated}
-    return np.column_stack([have.get(name, np.zeros(len(recording.time))) for name in names])
-
-
 def _processes(pairs: list[tuple[Recording, dict[str, NDArray[np.float64]]]]) -> Discrepancy:
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
-    from sklearn.pipeline import make_pipeline
     from sklearn.preprocessing import StandardScaler
 
     signals = tuple(dict.fromkeys(name for recording, _ in pairs for name in (*recording.inputs, *recording.outputs)))
@@ -130,6 +105,23 @@ def _processes(pairs: list[tuple[Recording, dict[str, NDArray[np.float64]]]]) ->
         known = np.flatnonzero(np.isfinite(rest))
         chosen = rng.choice(known, min(SAMPLES, len(known)), replace=False)
         kernel = ConstantKernel() * RBF(np.ones(len(signals)), (1e-2, 1e3)) + WhiteKernel()
+        scaler = StandardScaler().fit(z[chosen])
         process = GaussianProcessRegressor(kernel, normalize_y=True, random_state=0)
-        models[channel] = make_pipeline(StandardScaler(), process).fit(z[chosen], rest[chosen])
+        process.fit(scaler.transform(z[chosen]), rest[chosen])
+        models[channel] = _plain(scaler, process)
     return Discrepancy(signals, models)
+
+
+def _plain(scaler: StandardScaler, process: GaussianProcessRegressor) -> Process:
+    """The numbers that scikit-learn's objects hold."""
+    covariance = process.kernel_.k1  # beside the noise: variance * RBF
+    return Process(
+        mean=scaler.mean_,
+        scale=scaler.scale_,
+        lengths=np.atleast_1d(covariance.k2.length_scale),
+        variance=float(covariance.k1.constant_value),
+        samples=process.X_train_,
+        weights=process.alpha_,
+        offset=float(process._y_train_mean),
+        gain=float(process._y_train_std),
+    )

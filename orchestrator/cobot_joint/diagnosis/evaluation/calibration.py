@@ -30,7 +30,6 @@ from cobot_joint.diagnosis.evaluation.synthetic import COLOURS, SIZES, Concealer
 from cobot_joint.diagnosis.findings import Diagnosis
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.selection.confidence import INTERCEPT, features
-from cobot_joint.system.read import load_system
 
 EFFECTS = (0.5, 0.4, 0.1)  # share of campaigns that conceal nothing, one, two: a false alarm is the worst of errors
 EDGES = (0.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0, np.inf)  # of sizes, for the table
@@ -72,14 +71,14 @@ def read(path: Path) -> list[Row]:
 def diagnosed(draws: Draws, ks: Sequence[int]) -> list[Row]:
     """The campaigns number `ks` drawn, diagnosed and judged, one row each."""
     campaign = load_campaign(draws.pattern, roles=("train",))
-    with FmuPlant({setup: load_system(path) for setup, path in campaign.setups.items()}) as plant:
+    with FmuPlant(campaign.systems()) as plant:
         concealer = Concealer(campaign, plant, draws.seconds, draws.sizes)
         rows = []
         for k in ks:
             rng = np.random.default_rng((draws.seed, k))
             drawn = concealer.draw(rng, int(rng.choice(len(draws.effects), p=draws.effects)))
             begun = time.process_time()
-            _, _, found = identify(drawn.campaign, plant)
+            found = identify(drawn.campaign, plant)
             row = judge(drawn, found)
             rows.append({"k": k, **row, "seconds": round(time.process_time() - begun, 1)})
         return rows

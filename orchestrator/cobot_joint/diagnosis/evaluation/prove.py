@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -16,9 +16,12 @@ from typing import Any
 from joblib import Parallel, delayed
 
 from cobot_joint.diagnosis.data.campaign import holdouts, missing_recordings
-from cobot_joint.diagnosis.evaluation.score import broken_seals, read_object, scoreboard
-from cobot_joint.diagnosis.store import write_atomically
+from cobot_joint.diagnosis.evaluation import field_score
+from cobot_joint.diagnosis.evaluation import score as case_score
+from cobot_joint.diagnosis.evaluation.score import broken_seals
+from cobot_joint.diagnosis.store import plain, read_object
 from cobot_joint.errors import UserError
+from cobot_joint.files import write_atomically
 from cobot_joint.paths import PACKAGE
 
 
@@ -69,16 +72,21 @@ def prove(
     cases = cases_of(folder)
     answers, seals = _published(folder / "answers.json"), _published(folder / "seals.json")
     results: list[CaseResult] = []
-    work = (delayed(_case)(folder / case, out / case, baseline) for case in cases)
-    for result in Parallel(n_jobs=jobs, prefer="threads", return_as="generator_unordered")(work):
-        results.append(result)
-        if done:
-            done(result)
-    score = scoreboard({case: answers[case] for case in cases if case in answers}, out) if answers is not None else None
-    if score is not None:
+    calls = Calls()
+    work = (delayed(_case)(folder / case, out / case, baseline, calls) for case in cases)
+    with calls:
+        for result in Parallel(n_jobs=jobs, prefer="threads", return_as="generator_unordered")(work):
+            results.append(result)
+            if done:
+                done(result)
+    score = None
+    if answers is not None:
+        rules = field_score if field_score.of_field(answers) else case_score
+        score = rules.scoreboard({case: answers[case] for case in cases if case in answers}, out)
         score["baseline"] = baseline
         score["seconds_median"] = _seconds(cases, out)
-        write_atomically(out / "scoreboard.json", lambda file: file.write_text(json.dumps(score, indent=1) + "\n"))
+        text = json.dumps(plain(score), indent=1) + "\n"
+        write_atomically(out / "scoreboard.json", lambda file: file.write_text(text))
     broken = broken_seals(answers, seals) if answers is not None and seals is not None else None
     return Proof(sorted(results, key=lambda r: r.case), broken, score)
 
@@ -97,7 +105,36 @@ def _published(path: Path) -> dict[str, Any] | None:
     return content
 
 
-def _case(campaign: Path, out: Path, baseline: str | None) -> CaseResult:
+class Calls:
+    """Processes that are at work; where what is inside this context fails or is interrupted, they are ended."""
+
+    def __init__(self) -> None:
+        self._running: set[subprocess.Popen[str]] = set()
+        self._stopped = False
+
+    def __enter__(self) -> Calls:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self._stopped = kind is not None
+        for process in list(self._running) if self._stopped else ():
+            process.terminate()
+
+    def run(self, command: Sequence[str], environment: Mapping[str, str]) -> tuple[int, str]:
+        """(exit status, last line of what it said)"""
+        with subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+        ) as process:
+            self._running.add(process)
+            if self._stopped:
+                process.terminate()
+            out, error = process.communicate()
+            self._running.discard(process)
+        said = error.strip() or out.strip() or f"exit status {process.returncode}"
+        return process.returncode, said.splitlines()[-1]
+
+
+def _case(campaign: Path, out: Path, baseline: str | None, running: Calls) -> CaseResult:
     """One case through the command line that anyone would use."""
     begin = time.monotonic()
     if absent := missing_recordings(campaign / "campaign.toml"):
@@ -113,8 +150,7 @@ def _case(campaign: Path, out: Path, baseline: str | None) -> CaseResult:
     environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": path}
     for arguments in calls:
         command = [sys.executable, "-P", "-m", "cobot_joint.cli", *arguments]
-        ended = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
-        if ended.returncode:
-            said = (ended.stderr.strip() or ended.stdout.strip() or f"exit status {ended.returncode}").splitlines()[-1]
+        status, said = running.run(command, environment)
+        if status:
             return CaseResult(campaign.name, "failed", time.monotonic() - begin, f"{arguments[0]}: {said}")
     return CaseResult(campaign.name, "done" if calls else "kept", time.monotonic() - begin)

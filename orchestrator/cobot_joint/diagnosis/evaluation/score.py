@@ -6,12 +6,14 @@ import hashlib
 import json
 import math
 import statistics
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from scipy.stats import binomtest
 
+from cobot_joint.diagnosis.store import read_object
 from cobot_joint.errors import UserError
 
 NOISE = {
@@ -42,23 +44,10 @@ def broken_seals(answers: Mapping[str, Mapping[str, Any]], seals: Mapping[str, s
     return broken
 
 
-def read_object(path: Path) -> tuple[dict[str, Any] | None, str | None]:
-    """A JSON object, or None and why not."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return None, "no answer"
-    except (OSError, ValueError) as error:
-        return None, f"unreadable: {error}"
-    return (content, None) if isinstance(content, dict) else (None, "not an object")
-
-
 def scoreboard(answers: Mapping[str, Mapping[str, Any]], results: Path) -> dict[str, Any]:
     """{"summary": rates with 95 % Wilson intervals, "rows": per case}; results: folder of <case>/diagnosis.json."""
-    try:
+    with in_form():
         rows = [_row(case, answers[case], results / case) for case in sorted(answers)]
-    except (KeyError, TypeError, IndexError, AttributeError) as error:
-        raise UserError(f"answers: not in the form of answers.json: {error!r}") from error
     healthy = [r for r in rows if r["healthy"]]
     effects = [e for r in rows for e in r["effects"]]
     listed = [e for e in effects if e["listed"]]
@@ -83,6 +72,15 @@ def scoreboard(answers: Mapping[str, Mapping[str, Any]], results: Path) -> dict[
         "brier": round(statistics.fmean((c - t) ** 2 for c, t in confidences), 4) if confidences else None,
     }
     return {"summary": summary, "rows": rows}
+
+
+@contextmanager
+def in_form() -> Iterator[None]:
+    """UserError: what is looked for in answers.json is not there."""
+    try:
+        yield
+    except (KeyError, TypeError, IndexError, AttributeError) as error:
+        raise UserError(f"answers: not in the form of answers.json: {error!r}") from error
 
 
 def rate(k: int, n: int) -> dict[str, Any]:
@@ -123,12 +121,10 @@ def _compare(answer: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> tuple[l
     true: set[int] = set()
     rows = []
     for effect in answer["effects"]:
-        accept = effect["accept"]
-        listed = not accept[0].startswith("unlisted:")
-        where = {term.split(".")[0] for term in accept} if listed else set(accept[0].split(":")[1].split("|"))
-        abstains = [j for j, f in enumerate(found) if _is_unlisted(f) and _component(f) in where]
+        listed, where = places(effect)
+        abstains = [j for j, f in enumerate(found) if is_unlisted(f) and component_of(f) in where]
         named = accepted(effect)
-        names = [j for j, f in enumerate(found) if len(_terms(f)) <= 4 and any(term in named for term in _terms(f))]
+        names = [j for j, f in enumerate(found) if len(terms_of(f)) <= 4 and any(term in named for term in terms_of(f))]
         hits = names if listed else abstains
         true.update(hits or abstains)
         onset = found[hits[0]].get("onset") if hits and effect.get("onset_s") else None
@@ -137,13 +133,21 @@ def _compare(answer: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> tuple[l
                 "name": effect["name"],
                 "listed": listed,
                 "named": bool(hits),
-                "located": bool(hits) or any(_component(f) in where for f in found),
+                "located": bool(hits) or any(component_of(f) in where for f in found),
                 "onset_error": abs(onset - effect["onset_s"]) if isinstance(onset, (int, float)) else None,
             }
         )
-    false = [(_terms(f) or ["?"])[0] for j, f in enumerate(found) if j not in true]
+    false = [(terms_of(f) or ["?"])[0] for j, f in enumerate(found) if j not in true]
     conf = [(f["confidence"], j in true) for j, f in enumerate(found) if isinstance(f.get("confidence"), (int, float))]
     return rows, false, conf
+
+
+def places(effect: Mapping[str, Any]) -> tuple[bool, set[str]]:
+    """Whether a list names the effect, and the components where it may be said to be."""
+    accept = effect["accept"]
+    if accept[0].startswith("unlisted:"):
+        return False, set(accept[0].split(":")[1].split("|"))
+    return True, {term.split(".")[0] for term in accept}
 
 
 def accepted(effect: Mapping[str, Any]) -> set[str]:
@@ -154,16 +158,19 @@ def accepted(effect: Mapping[str, Any]) -> set[str]:
     return alike.union(effect["accept"])
 
 
-def _terms(finding: Mapping[str, Any]) -> list[str]:
+def terms_of(finding: Mapping[str, Any]) -> list[str]:
+    """The term of a finding, and those that it declares equivalent."""
     return [t for t in [finding.get("term"), *(finding.get("equivalent") or [])] if isinstance(t, str)]
 
 
-def _component(finding: Mapping[str, Any]) -> str:
-    return _terms(finding)[0].split(".")[0] if _terms(finding) else ""
+def component_of(finding: Mapping[str, Any]) -> str:
+    """Of its first term."""
+    return terms_of(finding)[0].split(".")[0] if terms_of(finding) else ""
 
 
-def _is_unlisted(finding: Mapping[str, Any]) -> bool:
-    return bool(_terms(finding)) and _terms(finding)[0].endswith(".unlisted")
+def is_unlisted(finding: Mapping[str, Any]) -> bool:
+    """Whether it says that no list names what it found."""
+    return bool(terms_of(finding)) and terms_of(finding)[0].endswith(".unlisted")
 
 
 def excess_removed(verify: Mapping[str, Any]) -> float | None:

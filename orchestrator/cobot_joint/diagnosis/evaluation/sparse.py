@@ -16,7 +16,6 @@ from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding
 from cobot_joint.diagnosis.plant.simulator import Simulator
 from cobot_joint.errors import UserError
 from cobot_joint.system.model import System
-from cobot_joint.system.read import load_system
 
 WINDOW = 51  # samples of the smoothing differentiator: noise in dw/dt against transients
 THRESHOLD = 0.2  # of a standardised coefficient, below which a term is dropped
@@ -60,7 +59,7 @@ def sparse_regression(campaign: Campaign, calibrated: Mapping[str, Estimate]) ->
 
     if campaign.system != "joint":
         raise UserError(f"--baseline sparse knows the equations of the joint, system {campaign.system!r} is given")
-    systems = {setup: load_system(path) for setup, path in campaign.setups.items()}
+    systems = campaign.systems()
     p = _values(systems, calibrated)
     with Simulator(systems, {name: estimate.value for name, estimate in calibrated.items()}) as simulate:
         pairs = [(signals_of(r), signals_of(replace(r, outputs=dict(simulate(r))))) for r in campaign.train]

@@ -7,13 +7,16 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
 
 from cobot_joint.diagnosis.candidates.score_test import Scan
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.recording import Recording
-from cobot_joint.diagnosis.estimation.fit import PRIOR, Active, Fit, Hypothesis, difference, tolerances
+from cobot_joint.diagnosis.estimation.effects import ActiveTerm
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
+from cobot_joint.diagnosis.estimation.least_squares import difference
 from cobot_joint.diagnosis.estimation.problem import Noise, Problem, Run
+from cobot_joint.diagnosis.estimation.projection import solve
 from cobot_joint.diagnosis.plant.plant import Plant, ScannedShape, Signals, TermCandidate
 
 COLOURS = (0.0, 0.3, 0.5, 0.8)  # of the torque channel; the others are white
@@ -28,7 +31,7 @@ TIMED = (0.05, 0.25)  # of a run, that an episode lasts
 class Concealed:
     """What a drawn campaign conceals."""
 
-    active: Active
+    active: ActiveTerm
     size: float  # root of the chi-square that a linear re-fit leaves of it
 
     def to_json(self) -> dict[str, Any]:
@@ -107,7 +110,7 @@ class Concealer:
         wanted = float(np.exp(rng.uniform(*np.log(self.sizes))))
         probed = Scan(problem, [term]).probes(healthy)[term.name]
         step = probed * (-1 if term.lower < 0 and rng.random() < 0.5 else 1)
-        active = Active(
+        active = ActiveTerm(
             term, {**values, term.amplitude: float(np.clip(term.neutral + step, term.lower, term.upper))}, onset
         )
         for _ in range(4):  # in proportion, again where the response bends
@@ -121,25 +124,20 @@ class Concealer:
         return Concealed(active, _size(problem, healthy, active))
 
 
-def _size(problem: Problem, healthy: Fit, active: Active) -> float:
+def _size(problem: Problem, healthy: Fit, active: ActiveTerm) -> float:
     """Root of the chi-square that a linear re-fit leaves of the effect; 0 where it cannot be simulated."""
-    found = problem.simulate([_with(healthy.run, [active])], healthy.simulated)[0]
+    found = problem.simulate([_with(healthy.run, [active]).beside(active.component)], healthy.simulated)[0]
     if found is None:
         return 0.0
     effect, J = found.white - healthy.simulated.white, healthy.jacobian
-    x = np.linalg.solve(J.T @ J + PRIOR * np.eye(J.shape[1]), J.T @ effect)
-    rest = effect - J @ x
-    return float(np.sqrt(rest @ rest + PRIOR * x @ x))
+    gradient = J.T @ effect
+    return float(np.sqrt(effect @ effect - gradient @ solve(J.T @ J + np.diag(healthy.hypothesis.prior), gradient)))
 
 
-def _with(run: Run, active: Sequence[Active]) -> Run:
-    values, onsets = dict(run.values), {}
+def _with(run: Run, active: Sequence[ActiveTerm]) -> Run:
     for a in active:
-        values |= a.values
-        if a.onset is not None:
-            onsets[a.term.amplitude] = a.onset
-    touches = (active[0].term.component,) if len(active) == 1 else ()
-    return Run(values, onsets, run.added, touches)
+        run = a.apply(run, a.start())
+    return run
 
 
 def _shape(shape: ScannedShape, rng: np.random.Generator) -> float:
@@ -177,12 +175,4 @@ def _noise(campaign: Campaign, name: str, colour: float) -> Noise:
 
 
 def _noisy(recording: Recording, outputs: Signals, noise: Mapping[str, Noise], rng: np.random.Generator) -> Recording:
-    found = {}
-    for name in recording.outputs:
-        n, y = noise[name], outputs[name]
-        sigma = np.sqrt(max(n.sigma**2 - n.step**2 / 12, 0.0))
-        first = rng.normal(0, sigma)  # so that the noise is stationary from the first sample on
-        drawn = np.concatenate([[first], np.sqrt(1 - n.colour**2) * rng.normal(0, sigma, len(y) - 1)])
-        y = y + lfilter([1.0], [1.0, -n.colour], drawn)
-        found[name] = n.step * np.round(y / n.step) if n.step else y
-    return replace(recording, outputs=found)
+    return replace(recording, outputs={name: noise[name].on(outputs[name], rng) for name in recording.outputs})

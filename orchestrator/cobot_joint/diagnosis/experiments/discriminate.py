@@ -8,55 +8,46 @@ from itertools import islice, product
 
 import numpy as np
 
-from cobot_joint.diagnosis.estimation.fit import PRIOR, Active, Fit
+from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.estimation.effects import ActiveTerm
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.hypothesis import PRIOR
 from cobot_joint.diagnosis.estimation.problem import Problem, Run, Vector
+from cobot_joint.diagnosis.estimation.projection import solve
 from cobot_joint.diagnosis.experiments.excitation import DURATION, experiments
-from cobot_joint.diagnosis.findings import Finding
+from cobot_joint.diagnosis.findings import Advice, Finding
 from cobot_joint.diagnosis.plant.plant import TermCandidate
 
-SEPARATES = 100.0  # predicted chi-square from which on an experiment is worth doing
 SHAPES = 4  # of a rival that are tried: its best one counts
 RESOLUTION = 1e-3  # noise of a channel that is not there yet, over its range, as the bench's own channels have it
 
 
-def next_experiment(problem: Problem, findings: Sequence[Finding], fit: Fit | None = None) -> str | None:
-    """In words; None where every finding stands alone. fit: with the findings' terms on; without it, only words."""
-    said = [sentence for finding in findings for sentence in _apart(problem, finding, fit)]
-    return " ".join(dict.fromkeys(said)) or None
+def advise(problem: Problem, findings: Sequence[Finding], fit: Fit) -> list[Advice]:
+    """What would tell the findings' indistinguishable terms apart. fit: with the findings' terms on."""
+    return list(dict.fromkeys(advice for finding in findings for advice in _apart(problem, finding, fit)))
 
 
-def _apart(problem: Problem, finding: Finding, fit: Fit | None) -> Iterator[str]:
+def _apart(problem: Problem, finding: Finding, fit: Fit) -> Iterator[Advice]:
     """Terms of one name in two units share a shaft; others differ by what they depend on."""
     name = finding.term.split(".")[1]
-    units = [t.split(".")[0] for t in (finding.term, *finding.equivalent) if t.split(".")[1] == name]
-    if len(units) > 1:
-        yield (
-            f"{name}: {' and '.join(units)} share a shaft that the channels see as one; "
-            f"run {units[0]} uncoupled, with the same voltage, and compare."
-        )
-    active = next((a for a in fit.hypothesis.active if a.term.name == finding.term), None) if fit else None
-    if fit is None or active is None:
-        return
+    shared = tuple(t for t in (finding.term, *finding.equivalent) if t.split(".")[1] == name)
+    if len(shared) > 1:
+        yield Advice(shared, uncouple=shared[0].split(".")[0])
+    active = next((a for a in fit.hypothesis.terms if a.name == finding.term), None)
     rivals = [t for t in problem.plant.terms if t.name in finding.equivalent and t.name.split(".")[1] != name]
-    bench = Bench(problem, fit, active) if rivals else None
+    if active is None or not rivals:
+        return
+    bench = Bench(problem, fit, active)
     for rival in rivals:
-        assert bench is not None
         yield _advice(bench, rival)
 
 
-def _advice(bench: Bench, rival: TermCandidate) -> str:
-    apart = bench.separations(rival)
-    pair = f"{bench.active.term.name} or {rival.name}"
-    words, chi2 = max(((name, s[""]) for name, s in apart.items()), key=lambda best: best[1])
-    if chi2 >= SEPARATES:
-        return f"{pair}: {words}, {DURATION:.0f} s, would differ by a chi-square of {chi2:.0f} after a re-fit."
-    words, channel, chi2 = max(
-        ((name, channel, chi2) for name, s in apart.items() for channel, chi2 in s.items()), key=lambda best: best[2]
-    )
-    none = f"{pair}: no experiment with these channels separates them"
-    if chi2 < SEPARATES:
-        return f"{none}, nor would another output of the units."
-    return f"{none}; {channel} logged as well, {words} would, by a chi-square of {chi2:.0f}."
+def _advice(bench: Bench, rival: TermCandidate) -> Advice:
+    """The best experiment with the logged channels; where none separates, with one channel more."""
+    found = [(chi2, name, channel) for name, s in bench.separations(rival).items() for channel, chi2 in s.items()]
+    logged = max((each for each in found if not each[2]), key=lambda each: each[0])
+    chi2, name, channel = logged if logged[0] >= thresholds.SEPARATES else max(found, key=lambda each: each[0])
+    return Advice((bench.active.name, rival.name), None, name, channel or None, DURATION, chi2)
 
 
 @dataclass(frozen=True)
@@ -70,9 +61,9 @@ class Rows:
 class Bench:
     """The system with the fit's parameters and one term, in the size found, on experiments that it could do."""
 
-    def __init__(self, problem: Problem, fit: Fit, active: Active) -> None:
+    def __init__(self, problem: Problem, fit: Fit, active: ActiveTerm) -> None:
         self.problem = Problem(problem.plant, experiments(problem.recordings), problem.noise, problem.jobs)
-        self.free, self.active = fit.hypothesis.free, active
+        self.free, self.active = fit.hypothesis.base, active
         run = replace(fit.run, onsets={}, added={})
         self.without = replace(run, values={**run.values, active.term.amplitude: active.term.neutral})
         self.signals = sorted({s for port in problem.plant.ports for s in port.signals})
@@ -142,7 +133,5 @@ def _left(effect: Vector, base: Sequence[Vector], rival: Sequence[Vector]) -> fl
     """Chi-square of the effect that neither the base parameters, inside their tolerances, nor the rival can mimic."""
     J = np.column_stack([*base, *rival])
     weight = np.array([PRIOR] * len(base) + [0.0] * len(rival))
-    gram, gradient = J.T @ J + np.diag(weight), J.T @ effect
-    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    step = np.linalg.lstsq(gram / np.outer(scale, scale), gradient / scale, rcond=1e-9)[0] / scale
-    return float(max(effect @ effect - gradient @ step, 0.0))
+    gradient = J.T @ effect
+    return max(float(effect @ effect - gradient @ solve(J.T @ J + np.diag(weight), gradient)), 0.0)

@@ -9,15 +9,14 @@ from typing import Any
 import numpy as np
 import ruptures
 
+from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 
 WINDOW = 50  # samples of which level and variance are taken
 SHORTEST = 5  # windows between two changes
 MOST = 4  # per recording and channel
-NOTABLE = 0.25  # of the chi-square per sample: less is no change that anyone would see
 NEAR, MOVES = 0.3, 0.05  # s, and share of its span by which an input then moves
-PENALTY = 10.0  # times ln(windows): what a change has to take from the features' squares, which are of unit variance
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,7 @@ def changes(problem: Problem, residual: Vector) -> list[Change]:
         for end, before, after in zip(ends[:-1], chi2[:-1], chi2[1:], strict=True):
             time = float(recording.time[end])
             change = Change(recording.name, block.channel, time, before, after, _driven(recording, time))
-            if change.size > 1 + NOTABLE:
+            if change.size > 1 + thresholds.NOTABLE_CHANGE:
                 found.append(change)
     return found
 
@@ -72,7 +71,7 @@ def _segments(r: Vector) -> list[int]:
     parts = r[: windows * WINDOW].reshape(windows, WINDOW)
     features = np.column_stack([np.sqrt(WINDOW) * parts.mean(axis=1), _log_variance(parts)])
     search = ruptures.Binseg(model="l2", min_size=SHORTEST, jump=1).fit(features / _scatter(features))
-    ends = search.predict(pen=PENALTY * np.log(windows))
+    ends = search.predict(pen=thresholds.CHANGE * np.log(windows))
     if len(ends) > MOST + 1:
         ends = search.predict(n_bkps=MOST)
     return [*(WINDOW * end for end in ends[:-1]), len(r)]

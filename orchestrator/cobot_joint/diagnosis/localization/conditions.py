@@ -1,4 +1,4 @@
-"""In which regimes a residual is above noise: speed, load, current, direction, time, frequency, angle of each shaft."""
+"""In which operating conditions a residual is above noise: speed, load, direction, time, frequency, a shaft's angle."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.estimation.order_spectrum import order_spectrum
 from cobot_joint.diagnosis.estimation.problem import BLOCK, Problem, Vector
 
@@ -17,14 +18,10 @@ SIZES = ((0.0, 0.05, "near zero"), (0.05, 0.35, "low"), (0.35, 0.7, "middle"), (
 BANDS = (0.0, 1.0, 10.0, 100.0, np.inf)  # Hz
 QUARTERS = ("first quarter", "second quarter", "third quarter", "last quarter")  # warmth is not logged, time is
 ORDERS = 24  # per turn, of each shaft
-ALIKE = 0.97  # of the time that two variables are at the same level, from which on one of them is enough
-UNEVEN = 0.1  # dependence from which on a variable is worth naming
-WORTH = 0.1  # share from which on a level is
-STANDS_OUT = 6.0  # sigma above noise, and times above its neighbours, from which on an order is named
 
 
 @dataclass(frozen=True)
-class Regime:
+class Condition:
     """One level of one variable. share: of what is above noise; time: of the samples, or of the spectrum.
 
     lower, upper: bounds of |variable| in its unit, where there are some.
@@ -56,21 +53,21 @@ class Order:
         return {"angle": self.angle, "order": self.order, "share": self.share}
 
 
-def regimes(problem: Problem, gain: Vector, signals: Sequence[Mapping[str, Vector]]) -> dict[str, list[Regime]]:
+def conditions(problem: Problem, gain: Vector, signals: Sequence[Mapping[str, Vector]]) -> dict[str, list[Condition]]:
     """Variable -> its levels; first the variable on which it depends most whether there is something above noise.
 
     gain: what is above noise, (rows,). signals: by recording, name -> (n,).
     """
     sums = np.concatenate([_sums(gain[b.rows]) for b in problem.blocks])
     total = float(sums.sum()) or 1.0
-    found: dict[str, list[Regime]] = {}
+    found: dict[str, list[Condition]] = {}
     seen: list[NDArray[np.intp]] = []
     for variable, at, levels in _variables(problem, signals):
         if any(_alike(at, other) for other in seen):
             continue
         seen.append(at)
         found[variable] = [
-            Regime(variable, name, float(sums[at == k].sum()) / total, float(np.mean(at == k)), *bounds)
+            Condition(variable, name, float(sums[at == k].sum()) / total, float(np.mean(at == k)), *bounds)
             for k, (name, *bounds) in enumerate(levels)
             if np.any(at == k)
         ]
@@ -80,15 +77,15 @@ def regimes(problem: Problem, gain: Vector, signals: Sequence[Mapping[str, Vecto
 def _alike(at: NDArray[np.intp], other: NDArray[np.intp]) -> bool:
     """Whether two variables are at the same level nearly always, where both are there."""
     both = (at >= 0) & (other >= 0)
-    return bool(both.any() and np.mean(at[both] == other[both]) > ALIKE)
+    return bool(both.any() and np.mean(at[both] == other[both]) > thresholds.SAME_CONDITION)
 
 
-def by_dependence(levels: Mapping[str, list[Regime]]) -> dict[str, list[Regime]]:
+def by_dependence(levels: Mapping[str, list[Condition]]) -> dict[str, list[Condition]]:
     """The same, first what matters most."""
     return dict(sorted(levels.items(), key=lambda item: -dependence(item[1])))
 
 
-def dependence(levels: Sequence[Regime]) -> float:
+def dependence(levels: Sequence[Condition]) -> float:
     """How unevenly what is above noise lies over the levels: sum of share*ln(share/time), 0 where it is even."""
     share, time = np.array([max(r.share, 0.0) for r in levels]), np.array([r.time for r in levels])
     share, time = share / max(share.sum(), 1e-300), time / time.sum()
@@ -96,11 +93,11 @@ def dependence(levels: Sequence[Regime]) -> float:
     return float(np.sum(share[there] * np.log(share[there] / time[there])))
 
 
-def densest(levels: Sequence[Regime]) -> Regime | None:
+def densest(levels: Sequence[Condition]) -> Condition | None:
     """The level in which most is above noise for its time; None: it lies too evenly to name one."""
-    if dependence(levels) < UNEVEN:
+    if dependence(levels) < thresholds.UNEVEN:
         return None
-    return max((r for r in levels if r.share > WORTH), key=lambda r: r.share / r.time, default=None)
+    return max((r for r in levels if r.share > thresholds.NOTABLE_SHARE), key=lambda r: r.share / r.time, default=None)
 
 
 Levels = list[tuple[Any, ...]]  # name, and bounds where there are some
@@ -146,7 +143,7 @@ def _at(problem: Problem, x: Sequence[Vector | None], level: Any) -> NDArray[np.
     return np.concatenate([np.full(_length(b.rows), -1) if v is None else level(v) for b, v in pairs])
 
 
-def frequencies(problem: Problem, residual: Vector) -> list[Regime]:
+def frequencies(problem: Problem, residual: Vector) -> list[Condition]:
     """By band of frequency; `time` is the band's share of the spectrum. residual: whitened, (rows,)."""
     edges = np.array(BANDS)
     above, width = np.zeros(len(edges) - 1), np.zeros(len(edges) - 1)
@@ -159,7 +156,7 @@ def frequencies(problem: Problem, residual: Vector) -> list[Regime]:
     names = [f"{low:g} to {high:g} Hz" for low, high in pairwise(edges)]
     names[-1] = f"above {edges[-2]:g} Hz"
     return [
-        Regime("frequency", name, float(a / above.sum()), float(w / width.sum()))
+        Condition("frequency", name, float(a / above.sum()), float(w / width.sum()))
         for name, a, w in zip(names, above, width, strict=True)
     ]
 
@@ -172,10 +169,10 @@ def orders(
     found = []
     for angle in _different(angles, signals):
         power, windows = order_spectrum(problem, residual, angle, signals, range(1, ORDERS + 1))
-        for k in np.flatnonzero(power > STANDS_OUT * np.sqrt(np.maximum(windows, 1))):
+        for k in np.flatnonzero(power > thresholds.STANDS_OUT * np.sqrt(np.maximum(windows, 1))):
             mean = power / np.maximum(windows, 1)
             beside = [mean[j] for j in (k - 2, k - 1, k + 1, k + 2) if 0 <= j < ORDERS and windows[j]]
-            if beside and mean[k] > STANDS_OUT * max(float(np.median(beside)), 0.0):
+            if beside and mean[k] > thresholds.STANDS_OUT * max(float(np.median(beside)), 0.0):
                 found.append(Order(angle, int(k) + 1, float(3 * power[k] / total)))
     return sorted(found, key=lambda o: -o.share)
 

@@ -43,6 +43,11 @@ class Isolability:
         return {u: tuple(o for o in self.detectable if o != u and o not in self.apart[u]) for u in self.detectable}
 
     @property
+    def hidden(self) -> tuple[str, ...]:
+        """Units whose difference does not show."""
+        return tuple(unit for unit in self.apart if unit not in self.detectable)
+
+    @property
     def classes(self) -> tuple[tuple[str, ...], ...]:
         """Detectable units; of any two of a class, neither can be told from the other."""
         found: list[list[str]] = []

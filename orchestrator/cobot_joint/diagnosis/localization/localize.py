@@ -1,17 +1,26 @@
-"""Where recordings and the re-fitted base model differ, before anything is named: by component, by regime, by time."""
+"""Where recordings and the re-fitted base model differ, before anything is named: by component, condition and time."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 from cobot_joint.diagnosis.localization.change_points import Change, changes
-from cobot_joint.diagnosis.localization.conditions import Order, Regime, by_dependence, frequencies, orders, regimes
+from cobot_joint.diagnosis.localization.conditions import (
+    Condition,
+    Order,
+    by_dependence,
+    conditions,
+    densest,
+    frequencies,
+    orders,
+)
 from cobot_joint.diagnosis.localization.isolability import Isolability, NoToolbox, isolability, together
 from cobot_joint.diagnosis.localization.replay import (
     Replayed,
@@ -24,26 +33,23 @@ from cobot_joint.diagnosis.localization.replay import (
 )
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import Signals
-from cobot_joint.diagnosis.report import localization_words as say
 from cobot_joint.diagnosis.store import plain
 from cobot_joint.system.model import System
 
-SURELY = 5.0  # sigma above noise, from which on it is worth asking in which regime and when
-SIGMA_KNOWN = 0.01  # share to which a noise's variance is known
-
 
 @dataclass(frozen=True)
-class Located:
-    """The answer to "where". Regimes and changes are empty where nothing is above noise."""
+class Localization:
+    """The answer to "where". Conditions and changes are empty where nothing is above noise."""
 
     replayed: tuple[Replayed, ...]
     suspects: tuple[str, ...]  # units in which one difference could lie, as far as replaying tells
     not_alone: Mapping[str, Sequence[str]]  # unit -> signals that would have to be recorded to replay it by itself
-    isolability: Isolability | None  # None: see `words`
-    regimes: Mapping[str, Sequence[Regime]]  # variable -> levels; what matters most is first
-    orders: tuple[Order, ...]
-    changes: tuple[Change, ...]
-    words: Mapping[str, Sequence[str]]  # "components", "isolability", "regimes", "time": sentences
+    isolability: Isolability | None  # None: see `no_isolability`
+    no_isolability: str = ""  # why it is not known
+    conditions: Mapping[str, Sequence[Condition]] = field(default_factory=dict)  # by variable; what matters most first
+    orders: tuple[Order, ...] = ()
+    changes: tuple[Change, ...] = ()
+    above_noise: bool = False  # whether there is anything to ask conditions and times of
 
     def to_json(self) -> dict[str, Any]:
         """As diagnosis.json has it."""
@@ -54,38 +60,42 @@ class Located:
                 "suspects": self.suspects,
                 "not_alone": dict(self.not_alone),
             },
-            "isolability": i and {"classes": i.classes, "detectable": i.detectable, "confused": i.confused},
-            "regimes": {variable: [r.to_json() for r in levels] for variable, levels in self.regimes.items()},
+            "isolability": i
+            and {"classes": i.classes, "detectable": i.detectable, "confused": i.confused, "hidden": i.hidden},
+            "no_isolability": self.no_isolability,
+            "above_noise": self.above_noise,
+            "regimes": {variable: [r.to_json() for r in levels] for variable, levels in self.conditions.items()},
+            "densest": [r.to_json() for levels in self.conditions.values() if (r := densest(levels))],
             "orders": [o.to_json() for o in self.orders],
             "change_points": [c.to_json() for c in self.changes],
-            "words": {key: list(said) for key, said in self.words.items()},
         }
         return dict(plain(found))
 
 
-def locate_difference(problem: Problem, calibrated: Fit) -> Located:
+def locate_difference(problem: Problem, calibrated: Fit) -> Localization:
     """What the calibrated residual says of where the difference lies. Raises SimulationError."""
-    systems = problem.plant.systems if isinstance(problem.plant, FmuPlant) else {}
-    systems = {setup: s for setup, s in systems.items() if any(r.setup == setup for r in problem.recordings)}
+    systems = systems_of(problem)
     names, angles = variables(problem, systems)
     wires = [s for system in systems.values() for s in wire_signals(system)]
     simulated = problem.outputs(calibrated.run, list(dict.fromkeys([*wires, *names, *angles])))
-    replayed, alone, structure = _components(problem, calibrated, systems, simulated)
-    suspected = suspects(replayed)
-    words = {"components": say.components(replayed, suspected, alone), "isolability": say.isolability(structure)}
-    found = Located(
-        replayed, suspected, alone, structure if isinstance(structure, Isolability) else None, {}, (), (), words
-    )
+    found = _components(problem, calibrated, systems, simulated)
     above = above_noise(problem, calibrated.residual)
-    if above.sum() < SURELY * np.sqrt(2 * problem.samples) + SIGMA_KNOWN * problem.samples:
-        nothing = ["Nothing is above noise."]
-        return replace(found, words=words | {"regimes": nothing, "time": nothing})
-    levels = regimes(problem, above, labelled(problem, simulated, names))
-    levels = by_dependence(levels | {"frequency": frequencies(problem, calibrated.residual)})
-    turning = orders(problem, calibrated.residual, angles, simulated)
-    when = changes(problem, calibrated.residual)
-    words |= {"regimes": say.regimes(levels, turning), "time": say.changes(when)}
-    return replace(found, regimes=levels, orders=tuple(turning), changes=tuple(when), words=words)
+    if above.sum() < thresholds.SURELY * np.sqrt(2 * problem.samples) + thresholds.SIGMA_KNOWN * problem.samples:
+        return found
+    levels = conditions(problem, above, labelled(problem, simulated, names))
+    return replace(
+        found,
+        conditions=by_dependence(levels | {"frequency": frequencies(problem, calibrated.residual)}),
+        orders=tuple(orders(problem, calibrated.residual, angles, simulated)),
+        changes=tuple(changes(problem, calibrated.residual)),
+        above_noise=True,
+    )
+
+
+def systems_of(problem: Problem) -> dict[str, System]:
+    """Set-up -> system, of the set-ups that were recorded; empty: the simulator is no system of units."""
+    systems = problem.plant.systems if isinstance(problem.plant, FmuPlant) else {}
+    return {setup: s for setup, s in systems.items() if any(r.setup == setup for r in problem.recordings)}
 
 
 def above_noise(problem: Problem, residual: Vector) -> Vector:
@@ -115,14 +125,12 @@ def labelled(problem: Problem, simulated: Sequence[Signals], names: Mapping[str,
 
 def _components(
     problem: Problem, calibrated: Fit, systems: Mapping[str, System], simulated: Sequence[Signals]
-) -> tuple[tuple[Replayed, ...], dict[str, tuple[str, ...]], Isolability | str]:
-    """Every part of every set-up, what keeps units from being replayed alone, and what channels can tell apart (or why
-    that is not known).
-    """
+) -> Localization:
+    """Every part of every set-up, what keeps units from being replayed alone, and what channels can tell apart."""
     found: list[Replayed] = []
     alone: dict[str, tuple[str, ...]] = {}
     apart: list[Isolability] = []
-    missing = "" if systems else "The simulator is no system of units."
+    missing = "" if systems else "the simulator is no system of units"
     for setup, system in systems.items():
         shown = shown_signals(problem, setup, system, simulated)
         recorded = list(dict.fromkeys(c for r in problem.recordings if r.setup == setup for c in r.outputs))
@@ -132,8 +140,9 @@ def _components(
         try:
             apart.append(isolability(system, recorded, shown))
         except NoToolbox as error:
-            missing = f"{error}."
-    return tuple(found), alone, missing or together(apart)
+            missing = str(error)
+    told = None if missing else together(apart)
+    return Localization(tuple(found), suspects(found), alone, told, missing)
 
 
 def _part(r: Replayed) -> dict[str, Any]:

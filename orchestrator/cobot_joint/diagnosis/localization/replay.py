@@ -15,25 +15,23 @@ from typing import Literal
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import lfilter
 
+from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.data.recording import Recording
-from cobot_joint.diagnosis.estimation.excess import excess
-from cobot_joint.diagnosis.estimation.fit import Fit, Hypothesis, fit
-from cobot_joint.diagnosis.estimation.problem import BLOCK, Noise, Problem, Simulated, Vector
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
+from cobot_joint.diagnosis.estimation.least_squares import Precision, fit
+from cobot_joint.diagnosis.estimation.problem import BLOCK, Problem, Simulated, Vector
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.influence import Influences, behind, influences
 from cobot_joint.diagnosis.plant.plant import Signals
 from cobot_joint.diagnosis.plant.simulator import _variable as variable_of
 from cobot_joint.system.model import Connection, Connector, System
 
-SAME = 0.1  # of a channel's noise, rms: a signal nearer to it than that is what the channel shows
 SMOOTHED = 1.0  # samples, sigma of what takes noise from a drive; 3 hide the edges of excess backlash from the motor
 DRAWS = 3  # of noise, which say how far a healthy part comes off because its driving signal carries noise
-OFF = 6.0  # sigma
-SURE = 0.1  # to which share that is known, as noise is not quite what it was estimated to be
 MOST_DRIVING = 3  # channels that drive a part in place of wires
-REFITS = 4  # steps at most
+REFIT = Precision(settled=5.0, roughly=0.1, steps=4, jacobians=0)  # of a part, from the whole system's parameters
 
 
 @dataclass(frozen=True)
@@ -76,11 +74,13 @@ class Replayed:
     @property
     def off(self) -> tuple[str, ...]:
         """Channels that are off by more than noise."""
-        return tuple(c for c in self.refitted if self.refitted[c] - self.healthy[c] > OFF * self.scatter[c])
+        return tuple(
+            c for c in self.refitted if self.refitted[c] - self.healthy[c] > thresholds.PART_OFF * self.scatter[c]
+        )
 
 
 def shown_signals(problem: Problem, setup: str, system: System, simulated: Sequence[Signals]) -> dict[str, Shown]:
-    """Signals on wires between units that a recorded channel shows in the calibrated run, within `SAME` of its noise.
+    """Signals on wires between units that a recorded channel shows in the calibrated run, equal beside its noise.
 
     simulated: by recording, channels and these signals.
     """
@@ -94,11 +94,11 @@ def shown_signals(problem: Problem, setup: str, system: System, simulated: Seque
             having = [(r, s) for r, s in runs if channel in r.outputs and signal in s]
             if not any(np.std(s[channel]) > sigma for _, s in having):
                 continue  # a channel that rests looks like anything that rests
-            if all(_rms(s[signal] - s[channel]) < SAME * sigma for _, s in having):
+            if all(_rms(s[signal] - s[channel]) < thresholds.SHOWS * sigma for _, s in having):
                 found[signal] = Shown(channel, "read" if signal in _path(signal, channel, before) else "equal")
             elif all(
                 _rms(s[signal] - s[signal][0] - _integral(s[channel], r.step))
-                < SAME * sigma * np.sqrt(r.step * (r.time[-1] - r.time[0]))
+                < thresholds.SHOWS * sigma * np.sqrt(r.step * (r.time[-1] - r.time[0]))
                 for r, s in having
             ):
                 found.setdefault(signal, Shown(channel, "integral"))
@@ -202,7 +202,7 @@ def replay(
     recorded = [{c: y - s[c] for c, y in r.outputs.items()} for r, s in runs]
     rng = np.random.default_rng(0)
     draws = [
-        [{c: np.where(np.isfinite(e), _noise(problem.noise[c], len(e), rng), np.nan) for c, e in of_run.items()}
+        [{c: np.where(np.isfinite(e), problem.noise[c].on(np.zeros(len(e)), rng), np.nan) for c, e in of_run.items()}
          for of_run in recorded]
         for _ in range(DRAWS if part.driven else 0)
     ]  # fmt: skip
@@ -216,7 +216,11 @@ def replay(
         varied = {c: float(np.std([d[c] for d in drawn], ddof=1)) if drawn else 0.0 for c in part.channels}
         expected = np.sqrt(2 / BLOCK / sum(len(r.time) for r, _ in runs))
         found = Replayed(
-            part, first, first, healthy, {c: _hypot(expected, varied[c], SURE * healthy[c]) for c in part.channels}
+            part,
+            first,
+            first,
+            healthy,
+            {c: _hypot(expected, varied[c], thresholds.NOISE_KNOWN * healthy[c]) for c in part.channels},
         )
         if not found.off:
             return found
@@ -226,12 +230,12 @@ def replay(
 
 def _refitted(problem: Problem, inner: Problem, fitted: Fit, part: Part) -> dict[str, float]:
     """`_excess` with the part's own parameters re-fitted inside their tolerances to its own channels."""
-    own = [k for k, f in enumerate(fitted.hypothesis.free) if f.parameter.name.split(".")[0] in part.units]
+    own = [k for k, f in enumerate(fitted.hypothesis.base) if f.parameter.name.split(".")[0] in part.units]
     here = [b for b in problem.blocks if problem.recordings[b.recording].setup == part.setup]
     rows = np.concatenate([np.arange(b.rows.start, b.rows.stop) for b in here if b.channel in part.channels])
     jacobian = fitted.jacobian[rows][:, own]  # the whole system's: near enough to begin with
-    hypothesis = Hypothesis(tuple(fitted.hypothesis.free[k] for k in own))
-    again = fit(inner, hypothesis, fitted.x[own], jacobian, settled=5.0, roughly=0.1, most=REFITS, fresh_most=0)
+    hypothesis = Hypothesis(tuple(fitted.hypothesis.base[k] for k in own))
+    again = fit(inner, hypothesis, fitted.x[own], jacobian, REFIT)
     return _excess(inner, again.simulated if again else None)
 
 
@@ -284,18 +288,12 @@ def _excess(problem: Problem, simulated: Simulated | None) -> dict[str, float]:
     channels = dict.fromkeys(b.channel for b in problem.blocks)
     if simulated is None:
         return dict.fromkeys(channels, float("inf"))
-    above = list(zip(problem.blocks, excess(problem, problem.recorded - simulated.white), strict=True))
+    above = list(zip(problem.blocks, problem.excess_by_block(problem.recorded - simulated.white), strict=True))
     return {
         c: float(sum(x.sum() for b, x in above if b.channel == c))
         / float(sum(b.weight.sum() for b, _ in above if b.channel == c))
         for c in channels
     }
-
-
-def _noise(noise: Noise, n: int, rng: np.random.Generator) -> Vector:
-    settle, colour = 100, noise.colour
-    white = rng.standard_normal(n + settle)
-    return np.asarray(noise.sigma * lfilter([np.sqrt(1 - colour**2)], [1, -colour], white)[settle:])
 
 
 def _integral(x: Vector, step: float) -> Vector:

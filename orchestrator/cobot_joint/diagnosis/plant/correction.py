@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,17 @@ FUNCTIONS = ("one", "u", "u2", "u3", "abs", "tanh", "sin", "cos", "exp", "gauss"
 NUMBER = {name: k for k, name in enumerate(FUNCTIONS, 1)}
 TIME = "t"
 SGN = 1e-3  # scale of a sign: its tanh is a step for every signal of a bench
+_VALUES: dict[str, Callable[[NDArray[np.float64], float], NDArray[np.float64]]] = {
+    "u": lambda u, p: u,
+    "u2": lambda u, p: u**2,
+    "u3": lambda u, p: u**3,
+    "abs": lambda u, p: np.abs(u),
+    "tanh": lambda u, p: np.tanh(u / p),
+    "sin": lambda u, p: np.sin(p * u),
+    "cos": lambda u, p: np.cos(p * u),
+    "exp": lambda u, p: np.exp(-np.abs(u) / p),
+    "gauss": lambda u, p: np.exp(-((u / p) ** 2)),
+}
 
 
 @dataclass(frozen=True)
@@ -25,6 +36,50 @@ class Factor:
     signal: str
     function: str
     p: float = 1.0
+
+    def __str__(self) -> str:
+        """As `parse` reads it."""
+        name, p = self.signal, f"{self.p:g}"
+        if self.function == "tanh":
+            return f"sgn({name})" if self.p == SGN else f"tanh({name}/{p})"
+        if self.function == "exp":
+            return f"exp(-{name}/{p})" if name == TIME else f"exp(-abs({name})/{p})"
+        return {
+            "u": name,
+            "u2": f"{name}^2",
+            "u3": f"{name}^3",
+            "abs": f"abs({name})",
+            "sin": f"sin({p}*{name})",
+            "cos": f"cos({p}*{name})",
+            "gauss": f"exp(-({name}/{p})^2)",
+        }[self.function]
+
+    def of(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """As the unit computes it, equations.c. u: of the signal, (n,)"""
+        return np.asarray(_VALUES[self.function](u, self.p))
+
+
+@dataclass(frozen=True)
+class Product:
+    """A summand of a formula, without its coefficient; without factors it is 1."""
+
+    factors: tuple[Factor, ...] = ()
+
+    def __str__(self) -> str:
+        """As `parse` reads it."""
+        return "*".join(str(factor) for factor in self.factors) or "1"
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """That it depends on, the time not among them."""
+        return tuple(dict.fromkeys(f.signal for f in self.factors if f.signal != TIME))
+
+    def of(self, signals: Mapping[str, NDArray[np.float64]], time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Its values, (n,). signals: name -> (n,); time: since the run began, s."""
+        values = np.ones_like(time)
+        for factor in self.factors:
+            values = values * factor.of(time if factor.signal == TIME else signals[factor.signal])
+        return values
 
 
 def formula_parameters(
@@ -55,9 +110,9 @@ def formula_parameters(
     return values, [s for s in slots if s != TIME]
 
 
-def has_room(forms: Sequence[str]) -> bool:
+def has_room(products: Sequence[Product]) -> bool:
     """Whether the unit can compute their sum."""
-    return len(forms) <= FEATURES and len(_slots([parse(form)[1] for form in forms])) <= SIGNALS
+    return len(products) <= FEATURES and len(_slots([product.factors for product in products])) <= SIGNALS
 
 
 def _slots(products: Sequence[Sequence[Factor]]) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import queue
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from types import TracebackType
@@ -17,9 +17,10 @@ from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.plant import Parameter, Port, ScannedShape, Signals, SimulationError, TermCandidate
 from cobot_joint.diagnosis.plant.simulator import run_beside
 from cobot_joint.system.model import Component, Connection, Connector, System
+from cobot_joint.system.wiring import ADDITIVE
 from cobot_joint.units import Shape, Term, Unit
 
-ADDITIVE = "_add"  # how the name of an additive input ends
+MOTION, LOADS = ("rad", "rad/s", "m", "m/s"), ("N.m", "N", "A")  # units of measure
 
 
 class FmuPlant:
@@ -151,8 +152,6 @@ def _term(component: Component, term: Term) -> TermCandidate | None:
     phases = [shape for shape in term.shapes if shape.scan == "phase"]
     return TermCandidate(
         name=f"{component.name}.{term.name}",
-        title=term.title,
-        equation=term.equation,
         amplitude=f"{component.name}.{amplitude}",
         neutral=term.neutral,
         lower=-np.inf if lower is None else lower,
@@ -188,17 +187,27 @@ def _shape(component: str, unit: Unit, shape: Shape) -> ScannedShape:
 def _ports(component: Component) -> list[Port]:
     """Additive inputs; the signals of a port are the unit's own motion, torque and current."""
     unit = component.unit
-    own = tuple(
-        f"{component.name}.{name}"
-        for name, variable in unit.variables.items()
-        if variable.causality in ("input", "output")
-        and variable.type == "Real"
-        and unit.unit_of(name) in ("rad", "rad/s", "N.m", "A", "V", "m", "m/s", "N")
-        and not name.endswith(ADDITIVE)
-    )
-    angles = tuple(s for s in own if unit.unit_of(s.split(".", 1)[1]) == "rad")
+
+    def own(kinds: Collection[str], causalities: Collection[str] = ("input", "output")) -> list[str]:
+        """Names of the signals in these units of measure."""
+        return [
+            name
+            for name, variable in unit.variables.items()
+            if variable.causality in causalities
+            and variable.type == "Real"
+            and unit.unit_of(name) in kinds
+            and not name.endswith(ADDITIVE)
+        ]
+
+    def full(names: Iterable[str]) -> tuple[str, ...]:
+        return tuple(f"{component.name}.{name}" for name in names)
+
+    outside = {flange.tau for flange in unit.flanges}
+    loads = sorted(own(LOADS), key=lambda n: (n in outside, unit.variables[n].causality == "input"))
+    signals, angles = full(own((*MOTION, *LOADS, "V"))), full(own(("rad",)))
+    voltages = full(own(("V",), ("input",)))
     return [
-        Port(f"{component.name}.{name}", unit.unit_of(name) or "1", own, angles)
+        Port(f"{component.name}.{name}", unit.unit_of(name) or "1", signals, angles, "", full(loads), voltages)
         for name, variable in unit.variables.items()
         if variable.causality == "input" and variable.type == "Real" and name.endswith(ADDITIVE)
     ]

@@ -13,6 +13,23 @@ from cobot_joint.diagnosis.data.recording import Recording
 
 Signals = dict[str, NDArray[np.float64]]
 
+PROBE = {
+    "N.m": 1e-3,
+    "N": 0.1,
+    "N.m.s2/rad2": 1e-9,
+    "rad/(s.N.m)": 1e-2,
+    "V": 1e-2,
+    "A": 1e-3,
+    "Ohm": 1e-2,
+    "rad": 1e-4,
+    "s": 2e-3,
+    "1": 3e-2,
+    "1/K": 1e-2,
+    "1/A2": 1e-4,
+    "1/J": 1e-5,
+    "1/rad2": 1e4,
+}  # amplitude by unit of measure with which a response is first probed; a scan then adapts it
+
 
 class SimulationError(RuntimeError):
     """A run that came to no end: parameters far from anything that works."""
@@ -47,8 +64,6 @@ class TermCandidate:
     """A switched-off term. With a `phase`, amplitude*sin(.. + phase) makes a pair that is linear in its two parts."""
 
     name: str  # component.term
-    title: str
-    equation: str
     amplitude: str
     neutral: float
     lower: float
@@ -78,6 +93,8 @@ class Port:
     signals: tuple[str, ...]
     angles: tuple[str, ...] = ()  # those of `signals` that are angles of shafts
     connector: str = ""  # of the system, where it leads there
+    loads: tuple[str, ...] = ()  # those that are torques, forces or currents: a unit's own before those at its flanges
+    voltages: tuple[str, ...] = ()  # those of its inputs that are voltages
 
     @property
     def component(self) -> str:

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import uuid
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import chain, count
 from pathlib import Path
 
 from lxml import etree
 
 from cobot_joint import xml
-from cobot_joint.diagnosis.store import write_atomically
 from cobot_joint.errors import UserError
+from cobot_joint.files import write_atomically
 from cobot_joint.system.model import Component, Connection, System, Value
 from cobot_joint.system.parameters import checked, split
-from cobot_joint.system.write import write_ssp
+from cobot_joint.system.write import file_names, write_ssp
 from cobot_joint.units import TOOL, Unit, find_fmu, load_unit
 
 START_VALUES = "resources/start_values.txt"  # what units with our glue read at instantiation
@@ -90,26 +91,29 @@ def repaired_system(
     *,
     onsets: Mapping[str, float] | None = None,
     corrections: tuple[Correction, ...] = (),
+    names: Mapping[str, str] | None = None,
 ) -> System:
     """The system over units that carry the values, written to `folder`; corrections wired to their ports.
 
     values, onsets: `component.variable`; components that the system does not have are passed over, so that one repair
     serves every set-up. Units that do not read their resources keep their values in the system's parameters.
+    names: component -> file; default: one file per component, named as it is.
     """
+    names = names or fmu_files({"": system})[""]
     folder.mkdir(parents=True, exist_ok=True)
-    own = {c.name for c in system.components}
-    given: dict[str, dict[str, Value]] = {name: dict(system.component(name).parameters) for name in own}
-    late: dict[str, dict[str, float]] = {name: {} for name in own}
+    own = tuple(f"{c.name}." for c in system.components)
+    given: dict[str, dict[str, Value]] = {c.name: dict(c.parameters) for c in system.components}
+    late: dict[str, dict[str, float]] = {c.name: {} for c in system.components}
     for name, value in values.items():
-        if name.split(".")[0] in own:
+        if name.startswith(own):
             component, variable = split(system, name, "repair")
             given[component.name][variable] = value
             if onsets and name in onsets:
                 late[component.name][variable] = onsets[name]
-    components = [_repaired(c, given[c.name], late[c.name], folder) for c in system.components]
+    components = [_repaired(c, given[c.name], late[c.name], folder / names[c.name]) for c in system.components]
     system = replace(system, components=tuple(components), path=None)
     for correction in corrections:
-        if correction.port.split(".")[0] in own:
+        if correction.port.startswith(own):
             system = with_correction(system, correction, folder)
     return system
 
@@ -117,8 +121,12 @@ def repaired_system(
 def with_correction(system: System, correction: Correction, folder: Path) -> System:
     """The system with a correction between the component's signals and its port.
 
-    A port that is wired already gets the correction in between: y = x + correction.
+    A port that is wired already gets the correction in between: y = x + correction. Where a component of an earlier
+    repair has its name, the correction gets a number.
     """
+    there = {c.name for c in system.components}
+    names = chain([correction.name], (f"{correction.name}_{k}" for k in count(2)))
+    correction = replace(correction, name=next(name for name in names if name not in there))
     component, port = split(system, correction.port, "correction")
     general = load_unit(find_fmu("correction.fmu"))
     ports = {
@@ -130,7 +138,7 @@ def with_correction(system: System, correction: Correction, folder: Path) -> Sys
         source, variable = split(system, signal, "correction")
         ports[f"u{k}"] = PortText(source.unit, variable, signal)
         wires += _wire(system, source, variable, correction.name, f"u{k}")
-    path = folder / f"{correction.name}.fmu"
+    path = folder / file_names([(correction.name, correction.name, "")])[0]
     export_unit(general, dict(correction.parameters), path, ports=ports)
     kept = []
     for wire in system.connections:
@@ -166,15 +174,34 @@ def write_repair(
 ) -> dict[str, Path]:
     """Set-up -> its SSP: the first is OUT/repaired.ssp, others OUT/repaired_<setup>.ssp; their FMUs are in OUT/fmus."""
     written: dict[str, Path] = {}
+    names, files = fmu_files(systems), ssp_files(systems)
     for setup, system in systems.items():
-        repaired = repaired_system(system, values, out / "fmus", onsets=onsets, corrections=corrections)
-        path = out / ("repaired.ssp" if not written else f"repaired_{setup}.ssp")
-        written[setup] = write_ssp(repaired, path)
+        repaired = repaired_system(
+            system, values, out / "fmus", onsets=onsets, corrections=corrections, names=names[setup]
+        )
+        written[setup] = write_ssp(repaired, out / files[setup])
     return written
 
 
-def _repaired(component: Component, values: Mapping[str, Value], late: Mapping[str, float], folder: Path) -> Component:
-    path = folder / component.unit.path.name
+def fmu_files(systems: Mapping[str, System]) -> dict[str, dict[str, str]]:
+    """Set-up -> component -> file: one for each component, the same where set-ups have the very same component."""
+    each = [(setup, c) for setup, system in systems.items() for c in system.components]
+    wanted = [((c.name, c.unit.directory, *sorted(c.parameters.items())), c.name, setup) for setup, c in each]
+    found: dict[str, dict[str, str]] = {setup: {} for setup in systems}
+    for (setup, component), file in zip(each, file_names(wanted), strict=True):
+        found[setup][component.name] = file
+    return found
+
+
+def ssp_files(setups: Iterable[str]) -> dict[str, str]:
+    """Set-up -> file of its repaired system."""
+    first, *others = setups
+    return {first: "repaired.ssp"} | dict(
+        zip(others, file_names([(s, f"repaired_{s}", "") for s in others], ".ssp"), strict=True)
+    )
+
+
+def _repaired(component: Component, values: Mapping[str, Value], late: Mapping[str, float], path: Path) -> Component:
     if not values or not carries_values(component.unit):
         write_atomically(path, lambda file: file.write_bytes(component.unit.path.read_bytes()))
         return replace(component, unit=load_unit(path), parameters=values)

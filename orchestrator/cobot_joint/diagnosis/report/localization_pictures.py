@@ -1,4 +1,4 @@
-"""Pictures of where the difference lies: parts that were replayed, units that can be told apart, regimes, time."""
+"""Pictures of where the difference lies: replayed parts, units that can be told apart, operating conditions, time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cobot_joint.diagnosis.report.pictures import COLOUR, Picture, as_html
 
 FINE, OFF, EVEN = COLOUR["nominal"], COLOUR["calibrated"], "#dddddd"
 LEAST = 1e-3  # chi-square per sample above noise that is still drawn
-MOST = 6  # regimes
+MOST = 6  # variables
 
 
 def located_pictures(
@@ -28,7 +28,7 @@ def located_pictures(
     if located["isolability"]:
         pictures["isolability"].append(isolability_picture(located["isolability"]))
     if located["regimes"]:
-        pictures["regimes"].append(regimes_picture(located["regimes"]))
+        pictures["regimes"].append(conditions_picture(located["regimes"]))
         pictures["time"] += [
             time_picture(c, located["change_points"], noise) for c in compared if c.recording.role == "train"
         ]
@@ -80,7 +80,7 @@ def isolability_picture(isolability: Mapping[str, Any]) -> Picture:
     return Picture("What the channels can tell apart", words, as_html(figure))
 
 
-def regimes_picture(regimes: Mapping[str, Sequence[Mapping[str, Any]]]) -> Picture:
+def conditions_picture(regimes: Mapping[str, Sequence[Mapping[str, Any]]]) -> Picture:
     """Per variable and level the share of what is above noise, beside the share of the samples."""
     chosen = list(regimes.items())[:MOST]
     figure = make_subplots(
@@ -96,7 +96,7 @@ def regimes_picture(regimes: Mapping[str, Sequence[Mapping[str, Any]]]) -> Pictu
     figure.update_yaxes(title_text="%", col=1)
     figure.update_layout(barmode="group", height=110 + 210 * -(-len(chosen) // 3))
     words = "Where the two bars of a level differ, the difference depends on that variable; what matters most is first."
-    return Picture("Regime by regime", words, as_html(figure))
+    return Picture("By operating condition", words, as_html(figure))
 
 
 def time_picture(c: Comparison, changes: Sequence[Mapping[str, Any]], noise: Mapping[str, float]) -> Picture:

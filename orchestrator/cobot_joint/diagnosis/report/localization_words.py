@@ -1,91 +1,126 @@
-"""Where recordings and the re-fitted base model differ, in sentences."""
+"""Where recordings and the re-fitted base model differ, in sentences. Arguments are parts of diagnosis.json."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-
-from cobot_joint.diagnosis.localization.change_points import Change
-from cobot_joint.diagnosis.localization.conditions import Order, Regime, densest
-from cobot_joint.diagnosis.localization.isolability import Isolability
-from cobot_joint.diagnosis.localization.replay import Replayed
+from typing import Any
 
 MOST = 4  # variables and changes that are put into words
+NAMED = 3  # conditions that a finding's sentence names
 TOGETHER = 0.15  # s between changes of two recordings that count as one time
 
+Json = Mapping[str, Any]
 
-def components(replayed: Sequence[Replayed], suspected: Sequence[str], alone: Mapping[str, Sequence[str]]) -> list[str]:
+
+def located(found: Json) -> dict[str, list[str]]:
+    """Sentences on "components", "isolability", "regimes" and "time". found: `located` of diagnosis.json."""
+    nothing = ["Nothing is above noise."]
+    return {
+        "components": components(found["components"]),
+        "isolability": isolability(found["isolability"], found["no_isolability"]),
+        "regimes": conditions(found) if found["above_noise"] else nothing,
+        "time": changes(found["change_points"]) if found["above_noise"] else nothing,
+    }
+
+
+def components(found: Json) -> list[str]:
     """What replaying the parts of the system shows."""
-    said = [_replayed(r) for r in replayed]
-    if suspected:
-        said.append(f"If a single difference causes all of this, it lies in {listed(suspected, 'or')}.")
-    elif any(r.off for r in replayed):
+    said = [_replayed(part) for part in found["parts"]]
+    if found["suspects"]:
+        said.append(f"If a single difference causes all of this, it lies in {listed(found['suspects'], 'or')}.")
+    elif any(c["off"] for part in found["parts"] for c in part["channels"].values()):
         said.append("No single unit explains all of this.")
-    for unit, needed in alone.items():
+    for unit, needed in found["not_alone"].items():
         verb = "is" if len(needed) == 1 else "are"
         said.append(f"{unit} cannot be replayed alone: {listed(needed)} {verb} not recorded.")
     return said
 
 
-def _replayed(r: Replayed) -> str:
-    drive = f"driven by the recorded {listed(r.part.driven)}" if r.part.driven else "as a whole"
-    what = f"{listed(r.part.units)} ({r.part.setup}, {drive}):"
-    if not r.off:
-        return f"{what} {listed(r.part.channels)} as recorded, within noise and tolerances."
-    figures = [f"{c} by {r.refitted[c] - r.healthy[c]:.2g}" for c in r.off]
+def _replayed(part: Json) -> str:
+    drive = f"driven by the recorded {listed(part['driven_by'])}" if part["driven_by"] else "as a whole"
+    what = f"{listed(part['units'])} ({part['setup']}, {drive}):"
+    off = {name: c for name, c in part["channels"].items() if c["off"]}
+    if not off:
+        return f"{what} {listed(list(part['channels']))} as recorded, within noise and tolerances."
+    figures = [f"{name} by {_above(c)}" for name, c in off.items()]
     return f"{what} off in {listed(figures)} (chi-square per sample above noise), whatever its tolerances allow."
 
 
-def isolability(found: Isolability | str) -> list[str]:
-    """What the recorded channels can tell apart at all."""
-    if isinstance(found, str):
-        return [f"Which units the channels can tell apart at all is not known. {found}"]
+def _above(channel: Json) -> str:
+    above, healthy = channel["refitted"], channel["healthy"]
+    return "any amount: the part diverges" if above is None else f"{above - healthy:.2g}"
+
+
+def isolability(found: Json | None, why: str) -> list[str]:
+    """What the recorded channels can tell apart at all; why: it is not known."""
+    if found is None:
+        return [f"Which units the channels can tell apart at all is not known: {why}."]
     said = [
         f"A difference in {unit} cannot be told from one in {listed(others, 'or')} by structure alone."
         if others
         else f"A difference in {unit} can be told from one in any other unit."
-        for unit, others in found.confused.items()
+        for unit, others in found["confused"].items()
     ]
-    hidden = [unit for unit in found.apart if unit not in found.detectable]
+    hidden = found["hidden"]
     return said + [f"A difference in {listed(hidden, 'or')} does not show in these channels." for _ in hidden[:1]]
 
 
-def regimes(levels: Mapping[str, Sequence[Regime]], orders: Sequence[Order]) -> list[str]:
+def conditions(found: Json) -> list[str]:
     """Where what is above noise is densest, by the variables that matter most."""
-    told = [r for found in levels.values() if (r := densest(found))]
+    told = found["densest"]
     said = [
-        f"{_percent(r.share)} of it lies where {condition(r)}, {_percent(r.time)} of "
-        f"{'the spectrum' if r.variable == 'frequency' else 'the samples'}."
+        f"{_percent(r['share'])} of it lies where {condition(r)}, {_percent(r['time'])} of "
+        f"{'the spectrum' if r['variable'] == 'frequency' else 'the samples'}."
         for r in told[:MOST]
     ]
-    said += [f"{_percent(o.share)} of it has {o.order} periods per turn of {o.angle}." for o in orders[:2]]
-    return said or ["It lies evenly over all regimes."]
+    turning = found["orders"][:2]
+    said += [f"{_percent(o['share'])} of it has {o['order']} periods per turn of {o['angle']}." for o in turning]
+    return said or ["It lies evenly over all operating conditions."]
 
 
-def condition(r: Regime) -> str:
+def condition(r: Json) -> str:
     """`w_motor is low (17 to 120)`"""
-    if r.lower is None or r.upper is None:
-        return f"{r.variable} is {r.level}"
-    return f"|{r.variable}| is {r.level} ({r.lower:.3g} to {r.upper:.3g})"
+    if "between" not in r:
+        return f"{r['variable']} is {r['level']}"
+    lower, upper = r["between"]
+    return f"|{r['variable']}| is {r['level']} ({lower:.3g} to {upper:.3g})"
 
 
-def changes(found: Sequence[Change]) -> list[str]:
+def where(found: Json) -> tuple[str, str]:
+    """(the condition, a sentence) of a finding's `where`."""
+    regime = ", ".join(condition(r) for r in found["by_regime"][:NAMED]) or "under all conditions"
+    start, stop = found["time"]
+    recording = found["recording"]
+    return regime, (
+        f"{_percent(found['by_recording'][recording])} of the evidence is in {recording}, most of it in "
+        f"{found['channel']}, where {regime}, densest from {start:.1f} to {stop:.1f} s"
+    )
+
+
+def changes(found: Sequence[Json]) -> list[str]:
     """Changes that no input explains, first those that several recordings share; then the largest others."""
-    free = sorted((c for c in found if not c.driven), key=lambda c: -c.size)
+    free = sorted((c for c in found if not c["driven"]), key=lambda c: -_ratio(c))
     said: list[str] = []
+    told: list[float] = []
     for c in free:
-        near = [o for o in free if abs(o.time - c.time) < TOGETHER and o.recording != c.recording]
-        if near and not any(f"At {o.time:.1f} s" in words for words in said for o in (c, *near)):
-            names = dict.fromkeys(o.recording for o in (c, *near))
-            said.append(f"At {c.time:.1f} s it changes in {listed(list(names))}, where no input moves.")
+        near = [o for o in free if abs(o["time"] - c["time"]) < TOGETHER and o["recording"] != c["recording"]]
+        if near and not any(abs(c["time"] - t) < TOGETHER for t in told):
+            names = dict.fromkeys(o["recording"] for o in (c, *near))
+            told.append(c["time"])
+            said.append(f"At {c['time']:.1f} s it changes in {listed(list(names))}, where no input moves.")
     for c in free[:MOST]:
         said.append(
-            f"{c.recording}, {c.channel}: from {c.time:.2f} s on {c.after:.3g} times the noise's variance, "
-            f"{c.before:.3g} times before; no input moves there."
+            f"{c['recording']}, {c['channel']}: from {c['time']:.2f} s on {c['after']:.3g} times the noise's variance, "
+            f"{c['before']:.3g} times before; no input moves there."
         )
     rest = len(found) - len(free)
     if rest:
         said.append(f"{rest} more changes coincide with a change of an input.")
     return said or ["It does not change over time."]
+
+
+def _ratio(c: Json) -> float:
+    return float(max(c["before"], c["after"]) / max(min(c["before"], c["after"]), 1e-3))
 
 
 def listed(names: Sequence[str], word: str = "and") -> str:

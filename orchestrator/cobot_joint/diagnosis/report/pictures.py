@@ -50,7 +50,7 @@ def all_pictures(
     pictures.append(closer_look(first, noise, units))
     pictures += [residuals(c, quality, units) for c in [first, *(c for c in compared if c is not first)]]
     pictures += [shape_picture(f) for f in d["findings"] if _has_table(f)]
-    return pictures + [course_picture(f) for f in d["findings"] if f.get("course")]
+    return pictures + [load_picture(f) for f in d["findings"] if f.get("load_history")]
 
 
 def before_and_after(d: Mapping[str, Any]) -> Picture:
@@ -172,15 +172,15 @@ def shape_picture(f: Mapping[str, Any]) -> Picture:
     return Picture(f"The shape of {f['term']}", words, as_html(figure))
 
 
-def course_picture(f: Mapping[str, Any]) -> Picture:
+def load_picture(f: Mapping[str, Any]) -> Picture:
     """What acted for a while, over the time of each recording."""
-    course = f["course"]
+    history = f["load_history"]
     figure = go.Figure(
-        [go.Scatter(x=[0, *c["t"]], y=[0, *c["value"]], name=name) for name, c in course["recordings"].items()]
+        [go.Scatter(x=[0, *c["t"]], y=[0, *c["value"]], name=name) for name, c in history["recordings"].items()]
     )
-    figure.update_layout(height=300, xaxis_title="time / s", yaxis_title=f"{course['port']} / {course['unit']}")
-    words = f"What acted at {course['port']} while these recordings were made. It is in no repaired system."
-    return Picture(f"The course of {f['term']}", words, as_html(figure))
+    figure.update_layout(height=300, xaxis_title="time / s", yaxis_title=f"{history['port']} / {history['unit']}")
+    words = f"What acted at {history['port']} while these recordings were made. It is in no repaired system."
+    return Picture(f"Loads of {f['term']}", words, as_html(figure))
 
 
 def envelope(

@@ -14,9 +14,11 @@ import numpy as np
 
 from cobot_joint.diagnosis.data.conditioning import ChannelQuality
 from cobot_joint.diagnosis.repair.compare import Comparison
+from cobot_joint.diagnosis.repair.gate import removed
 from cobot_joint.diagnosis.report import pictures
 from cobot_joint.diagnosis.report.localization_pictures import located_pictures
-from cobot_joint.diagnosis.store import write_atomically
+from cobot_joint.diagnosis.report.words import pulses
+from cobot_joint.files import write_atomically
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ def render(data: ReportData) -> str:
         channels=_channels(d, data.units),
         has_holdout=any("holdout" in c for c in d["channels"].values()),
         improvement=improvement(d),
-        calibrated=_parameters(d, data),
+        parameters=_parameters(d, data),
         tried=[(term, _title(term, data.terms), gain) for term, gain in data.tried],
         next_experiment=d.get("next_experiment"),
         where=_where(d, data.compared),
@@ -86,10 +88,12 @@ def verdict_sentence(d: Mapping[str, Any], terms: Mapping[str, TermText]) -> str
         return "Nothing is missing: inside its tolerances the system explains these recordings down to the noise."
     if not findings:
         return "The recordings differ from the system by more than noise and tolerances, and no explanation stands out."
-    named = [f for f in findings if not f["term"].endswith(".unlisted")]
+    if d.get("repair") == "withheld":
+        return f"Undecided: {_suspects(findings, terms)} fits, but does not predict: the repair is withheld."
+    named = [f for f in findings if not f.get("shape")]
     parts = [f"{_title(f['term'], terms)} in {f['component']} ({percent(f.get('confidence'))} sure)" for f in named]
     others = [
-        f"something that no listed term explains, at {f['component']} ({percent(f.get('confidence'))} sure)"
+        f"an effect that is on no list, at {f['component']} ({percent(f.get('confidence'))} sure)"
         for f in findings
         if f not in named
     ]
@@ -97,22 +101,19 @@ def verdict_sentence(d: Mapping[str, Any], terms: Mapping[str, TermText]) -> str
     tail = (
         "" if better is None else f"; modelling it removes {percent(better[0])} of the error above the noise{better[1]}"
     )
-    return f"The system leaves out {' and '.join(parts + others)}{tail}."
+    return f"The model lacks {' and '.join(parts + others)}{tail}."
+
+
+def _suspects(findings: Sequence[Mapping[str, Any]], terms: Mapping[str, TermText]) -> str:
+    """Titles and places, without a claim."""
+    titles = ["an effect that is on no list" if f.get("shape") else _title(f["term"], terms) for f in findings]
+    return " and ".join(f"{title} in {f['component']}" for title, f in zip(titles, findings, strict=True))
 
 
 def improvement(d: Mapping[str, Any]) -> tuple[float, str] | None:
-    """Share of the squared error above noise that the repair removes from the calibrated system, and on which runs;
-    None: nothing to remove.
-    """
-    for role, words in (("holdout", ", in runs that it has not seen"), ("train", "")):
-        before = after = 0.0
-        for c in d["channels"].values():
-            if role in c and c["noise"]:
-                before += max(0.0, (c[role]["calibrated"] / c["noise"]) ** 2 - 1)
-                after += max(0.0, (c[role]["repaired"] / c["noise"]) ** 2 - 1)
-        if before > 0.05:
-            return 1 - after / before, words
-    return None
+    """Share of the squared error above noise that the repair removes, and in which runs; None: none to say."""
+    found = removed(d["channels"])
+    return found and (found[0], {"holdout": ", in runs that it has not seen", "train": ""}[found[1]])
 
 
 def number(x: float | None, digits: int = 3) -> str:
@@ -148,17 +149,17 @@ def _finding(f: Mapping[str, Any], terms: Mapping[str, TermText]) -> dict[str, A
     shown = [f["words"]] if f.get("words") else [str(where[k]) for k in ("recording", "regime") if where.get(k)]
     return {
         "term": f["term"],
-        "title": "something that no listed term explains" if f["term"].endswith(".unlisted") else text.title,
+        "title": "an unmodelled effect" if f.get("shape") else text.title,
         "component": f["component"],
         "equation": text.equation,
         "source": text.source,
         "confidence": f.get("confidence"),
         "onset": f.get("onset"),
-        "at_times": bool(f.get("course")),
+        "at_times": bool(f.get("load_history")),
         "where": shown,
         "parameters": f.get("parameters") or {},
         "equivalent": [(term, _title(term, terms)) for term in f.get("equivalent") or []],
-        "shape": _shape(f.get("shape")) or _course(f.get("course")),
+        "shape": _shape(f.get("shape")) or _loads(f.get("load_history")),
     }
 
 
@@ -169,7 +170,7 @@ def _where(d: Mapping[str, Any], compared: Sequence[Comparison]) -> list[dict[st
         return []
     noise = {name: c["noise"] for name, c in d["channels"].items()}
     drawn = located_pictures(located, compared, noise)
-    headings = {"components": "By component", "isolability": "", "regimes": "By regime", "time": "By time"}
+    headings = {"components": "By component", "isolability": "", "regimes": "By operating condition", "time": "By time"}
     return [
         {"heading": heading, "words": located["words"][key], "pictures": drawn[key]}
         for key, heading in headings.items()
@@ -185,17 +186,18 @@ def _shape(shape: Mapping[str, Any] | None) -> str | None:
     return f"{form}{on}; takes away {percent(min(shape.get('explains') or 0.0, 1.0))} of the structure"
 
 
-def _course(course: Mapping[str, Any] | None) -> str | None:
-    """What acted while recordings were made, in words: when, how much."""
-    if not course:
+def _loads(history: Mapping[str, Any] | None) -> str | None:
+    """External loads while recordings were made, in words: when, how much."""
+    if not history:
         return None
     said = []
-    for name, c in course["recordings"].items():
+    for name, c in history["recordings"].items():
         t, value = np.array(c["t"]), np.array(c["value"])
-        inner = np.split(np.arange(len(t)), np.flatnonzero((value[:-1] == 0) & (value[1:] == 0)) + 1)
-        times = [f"{t[k[0]]:.2f} to {t[k[-1]]:.2f} s {value[k][np.argmax(np.abs(value[k]))]:.3g}" for k in inner]
-        said.append(f"in {name} from {', '.join(times)} {course['unit']}")
-    return f"at {course['port']}: {'; '.join(said)}"
+        times = [
+            f"{t[k[0]]:.2f} to {t[k[-1]]:.2f} s {value[k][np.argmax(np.abs(value[k]))]:.3g}" for k in pulses(value)
+        ]
+        said.append(f"in {name} from {', '.join(times)} {history['unit']}")
+    return f"at {history['port']}: {'; '.join(said)}"
 
 
 def _channels(d: Mapping[str, Any], units: Mapping[str, str]) -> list[dict[str, Any]]:
@@ -203,13 +205,25 @@ def _channels(d: Mapping[str, Any], units: Mapping[str, str]) -> list[dict[str, 
 
 
 def _parameters(d: Mapping[str, Any], data: ReportData) -> list[dict[str, Any]]:
-    """Calibrated parameters, and where in the tolerance each lies: 0 at its lower, 1 at its upper bound."""
+    """The repaired system's base parameters beside what was specified and what was calibrated with nothing added, and
+    where in the tolerance each lies: 0 at its lower, 1 at its upper bound.
+    """
     rows = []
-    for name, p in d["calibrated"].items():
+    for name, before in d["calibrated"].items():
+        p = d["repaired"].get(name, before)
         lower, upper = data.bounds.get(name, (None, None))
         inside = None if lower is None or upper is None or upper <= lower else (p["value"] - lower) / (upper - lower)
         rows.append(
-            {"name": name, "nominal": data.nominal.get(name), "lower": lower, "upper": upper, "inside": inside, **p}
+            {
+                "name": name,
+                "nominal": data.nominal.get(name),
+                "calibrated": before["value"],
+                "lower": lower,
+                "upper": upper,
+                "inside": inside,
+                "bound": p.get("at"),
+                **p,
+            }
         )
     return rows
 

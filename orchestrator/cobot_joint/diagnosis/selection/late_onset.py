@@ -1,4 +1,4 @@
-"""Forms of an unlisted effect that set in during the runs, at the same time in all of them."""
+"""Forms of an unmodelled effect that set in during the runs, at the same time in all of them."""
 
 from __future__ import annotations
 
@@ -10,12 +10,17 @@ from scipy.optimize import minimize_scalar
 
 from cobot_joint.diagnosis.candidates.score_test import SEGMENTS
 from cobot_joint.diagnosis.estimation.fit import Fit
-from cobot_joint.diagnosis.estimation.port_response import Choice, Column, LeastSquares, forward, respond
+from cobot_joint.diagnosis.estimation.port_response import Choice, Column, respond
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
+from cobot_joint.diagnosis.estimation.projection import Projection
+from cobot_joint.diagnosis.plant.correction import Product
 from cobot_joint.diagnosis.selection.competition import ONSET
+from cobot_joint.diagnosis.selection.formula import forward
+
+Columns = Sequence[Column[Product]]
 
 
-def look_late(problem: Problem, start: Fit, columns: Sequence[Column]) -> tuple[Choice, float] | None:
+def look_late(problem: Problem, start: Fit, columns: Columns) -> tuple[Choice[Product], float] | None:
     """(the best choice of one port's columns, its onset in s); None: none takes anything from any onset on.
 
     First as if a response from an onset on were the later part of the whole response; then simulated.
@@ -43,10 +48,10 @@ def look_late(problem: Problem, start: Fit, columns: Sequence[Column]) -> tuple[
     return (Choice(tuple(responses), coefficients, gain), onset) if gain > 0 else None
 
 
-def _from(problem: Problem, start: Fit, columns: Sequence[Column], onset: float) -> tuple[float, Vector, list[Column]]:
+def _from(problem: Problem, start: Fit, columns: Columns, onset: float) -> tuple[float, Vector, list[Column[Product]]]:
     """(chi-square taken, coefficients, responses) of features that act from the onset on."""
     clock = {r.name: r.time - r.time[0] for r in problem.recordings}
     late = {c.form: {n: np.where(clock[n] >= onset, v, 0.0) for n, v in c.values.items()} for c in columns}
     responses = respond(problem, start, columns[0].port, late)
-    gain, coefficients = LeastSquares(start, responses).gain(range(len(responses)))
+    gain, coefficients = Projection(start, [c.vector for c in responses]).gain(range(len(responses)))
     return gain, coefficients, responses

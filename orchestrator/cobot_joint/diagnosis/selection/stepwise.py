@@ -1,4 +1,4 @@
-"""Naming: terms one by one, everything else free, while the evidence demands it; then what cannot be told apart."""
+"""Forward selection of terms with backward elimination: one by one while the evidence demands it, all else free."""
 
 from __future__ import annotations
 
@@ -9,33 +9,33 @@ from operator import attrgetter
 
 import numpy as np
 
+from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.candidates.score_test import Column, Scan, Score, scores
-from cobot_joint.diagnosis.estimation.fit import PRIOR, Fit, difference, fit, promised
+from cobot_joint.diagnosis.estimation.effects import ActiveTerm
+from cobot_joint.diagnosis.estimation.fit import Fit, marginal_covariance
+from cobot_joint.diagnosis.estimation.least_squares import (
+    Precision,
+    difference,
+    fit,
+    fit_added,
+    predicted_decrease,
+)
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 from cobot_joint.diagnosis.findings import Candidate
-from cobot_joint.diagnosis.selection.competition import ROUGHLY, Leaders, base_start, fit_added, settled_jacobian
+from cobot_joint.diagnosis.selection.competition import Competition, finished
 from cobot_joint.diagnosis.store import Store
 
-EVIDENCE = 500.0  # chi-square that a term must take; 99 % of healthy draws: below 17 (docs/diagnosis-calibration.md)
-MOST_TERMS = 4
-ALIKE = 30.0  # chi-square by which a term's fit may be worse and still not be told apart
-ALIKE_SHARE = 0.05  # the same, as a share of what the best fit leaves
-NEEDLESS = 0.02  # of what an earlier term took, that it must still take beside a later one
-CLEARLY = 10.0  # times what is needed, by the fit's own Jacobian: no fit without the term has to ask
-BEYOND_DOUBT = 100.0  # times the evidence, by the fit's own Jacobian: a few steps of a fit without the term tell
-EARLY = 0.1  # of what a term takes that is beyond doubt, by which the fit before it may have ended early
 POINTED = 8  # terms that are looked at again after the first was added
-HALF = 0.5  # of the structure that the terms before leave, that a later one may leave: a patch on a form leaves more
-WORTH = 0.1  # of what the re-fit leaves above noise, that the first term must take; all, where a campaign lists them
 PASSES = 3  # over the onsets of several terms
-INEXACT = 3e-5  # of what was taken before, that a later term must take: no form is known to better than half a percent
 SETTLED = 0.02  # of what is above noise, that a re-fit may leave to its next step
+SUBSET = 1e-8  # of the largest singular value, below which a column is not asked to stand in for another
+REDUCED = Precision(settled=20.0, roughly=0.01, steps=8, jacobians=1)  # of a fit without an earlier term
 
 Progress = Callable[[str], None]
 
 
 @dataclass
-class Named:
+class Selected:
     """A term that is on, and what it stands for."""
 
     term: str
@@ -44,28 +44,27 @@ class Named:
 
 
 @dataclass
-class Naming:
-    """The best fit found, its terms, and what every round looked at."""
-
-    fit: Fit
-    named: list[Named]
-    ranking: list[list[Candidate]]
-    history: list[Fit]  # the base model, then after every term
-
-
-@dataclass
-class Progressed:
-    """Naming so far: what a later round goes on from."""
+class Selection:
+    """Fits term by term, the terms, and what every round looked at."""
 
     history: list[Fit]  # the base model, then after every term
-    named: list[Named] = field(default_factory=list)
-    ranking: list[list[Candidate]] = field(default_factory=list)
-    probe: dict[str, float] = field(default_factory=dict)  # of the scan
-    twins: dict[str, str] = field(default_factory=dict)
+    selected: list[Selected] = field(default_factory=list)
+    ranking: list[list[Candidate]] = field(default_factory=list)  # one per round
+    indistinguishable: dict[str, str] = field(default_factory=dict)  # term -> the one of another unit that it equals
+    probes: dict[str, float] = field(default_factory=dict)  # of the score test, which a later round needs
     done: bool = False
 
+    @property
+    def fit(self) -> Fit:
+        """The last, with every term."""
+        return self.history[-1]
 
-class Namer:
+    def up_to(self, count: int) -> Selection:
+        """With the first terms only."""
+        return replace(self, history=self.history[: count + 1], selected=self.selected[:count])
+
+
+class Selector:
     """Adds terms to a calibrated base model."""
 
     def __init__(self, problem: Problem, scan: Scan, progress: Progress, store: Store | None = None) -> None:
@@ -73,68 +72,75 @@ class Namer:
         self.scan = scan
         self.progress = progress
         self.store = store or Store(None)
-        self.leaders = Leaders(problem)
+        self.competition = Competition(problem)
         self._columns: list[Column] = []  # at the base model
 
-    def name(self, calibrated: Fit, basis: object = None) -> Naming:
+    def select(self, calibrated: Fit, basis: object = None) -> Selection:
         """From the base model up. basis: what, beside the store's own, the result depends on."""
-        so_far = Progressed([calibrated])
-        while not so_far.done and len(so_far.named) < MOST_TERMS:
-            if not self.problem.unexplained(so_far.history[-1].residual):
+        so_far = Selection([calibrated])
+        while not so_far.done and len(so_far.selected) < thresholds.MOST_TERMS:
+            if not self.problem.unexplained(so_far.fit.residual):
                 break
-            so_far = self.store.remember(
-                f"naming-{len(so_far.ranking) + 1}", (basis, self._trail(so_far)), partial(self.round, so_far)
-            )
-            self.scan.probe, self.scan.twins = dict(so_far.probe), dict(so_far.twins)
-        return Naming(so_far.history[-1], so_far.named, so_far.ranking, so_far.history)
+            trail = [(s.term, s.gain) for s in so_far.selected]
+            stage = f"selection-{len(so_far.ranking) + 1}"
+            so_far = self.store.remember(stage, (basis, trail), partial(self.round, so_far))
+            self.scan.probe, self.scan.indistinguishable = dict(so_far.probes), dict(so_far.indistinguishable)
+        return so_far
 
-    @staticmethod
-    def _trail(so_far: Progressed) -> list[tuple[str, float]]:
-        return [(n.term, n.gain) for n in so_far.named]
-
-    def round(self, so_far: Progressed) -> Progressed:
+    def round(self, so_far: Selection) -> Selection:
         """One term more, or done."""
-        best = self.with_onsets(self.to_its_end(so_far.history[-1]))
+        best = self.with_onsets(self.to_its_end(so_far.fit))
         so_far = replace(so_far, history=[*so_far.history[:-1], best])
         if not self.problem.unexplained(best.residual):
             return replace(so_far, done=True)
-        number = len(so_far.ranking) + 1
-        self.progress(f"scan {number}: every term that the units know")
+        self.progress(f"round {len(so_far.ranking) + 1}: score test of {len(self.scan.terms)} terms")
         ranked, found, winner = self.search(so_far.history)
         ranking = [*so_far.ranking, [Candidate(s.term.name, s.gain, dict(s.values), s.onset) for s in ranked[:10]]]
-        so_far = replace(so_far, ranking=ranking, probe=dict(self.scan.probe), twins=dict(self.scan.twins))
+        probes, indistinguishable = dict(self.scan.probe), dict(self.scan.indistinguishable)
+        so_far = replace(so_far, ranking=ranking, probes=probes, indistinguishable=indistinguishable)
         if winner is None:
             return replace(so_far, done=True)
-        term = winner.hypothesis.active[-1].term.name
         again = self.without_last(best, winner)
         if again is not None and again.cost < best.cost:
             self.progress("the last fit had not come to its end")
             best = again
             so_far = replace(so_far, history=[*so_far.history[:-1], best])
+        if best.cost - winner.cost < thresholds.EVIDENCE:
+            return replace(so_far, done=len(ranking) > thresholds.MOST_TERMS)
+        return self._added(so_far, winner, found) if self._is_worth_it(so_far, winner) else replace(so_far, done=True)
+
+    def _is_worth_it(self, so_far: Selection, winner: Fit) -> bool:
+        """Whether the last term is more than a patch on what is there."""
+        best, term = so_far.fit, winner.hypothesis.terms[-1].name
         gain, above = best.cost - winner.cost, best.chi2 - self.problem.samples
         taken = so_far.history[0].chi2 - best.chi2
-        if gain < EVIDENCE:
-            return replace(so_far, done=len(ranking) > MOST_TERMS)
-        if gain < (INEXACT * taken if so_far.named else WORTH * above):
-            self.progress(f"{term} takes {gain:.0f} of {above:.0f} above noise: not worth a name")
-            return replace(so_far, done=True)
-        if so_far.named and self.problem.excess(winner.residual) > HALF * self.problem.excess(best.residual):
+        if gain < (thresholds.INEXACT * taken if so_far.selected else thresholds.WORTH * above):
+            self.progress(f"{term} takes {share(gain, above)} of what is above noise: too little for a name")
+            return False
+        left = self.problem.excess(winner.residual), self.problem.excess(best.residual)
+        if so_far.selected and left[0] > thresholds.LEAVES * left[1]:
             self.progress(f"{term} takes less than it leaves: a patch on a form that is somewhat off")
-            return replace(so_far, done=True)
-        alike = {n: f.cost - winner.cost for n, f in found.items() if n != term and self.as_good(f, winner)}
-        self.progress(f"{term} takes {gain:.0f} of {above:.0f} above noise")
-        last, named = self.without_patches(self.in_twins_too(winner), [*so_far.named, Named(term, gain, alike)])
-        history = [*so_far.history[: len(named)], last]
-        return replace(so_far, history=history, named=named)
+            return False
+        return True
+
+    def _added(self, so_far: Selection, winner: Fit, rivals: dict[str, Fit]) -> Selection:
+        best, term = so_far.fit, winner.hypothesis.terms[-1].name
+        gain, above = best.cost - winner.cost, best.chi2 - self.problem.samples
+        alike = {n: f.cost - winner.cost for n, f in rivals.items() if n != term and self.as_good(f, winner)}
+        self.progress(f"{term} takes {share(gain, above)} of what is above noise")
+        last, selected = self.without_needless(
+            self.in_every_unit(winner), [*so_far.selected, Selected(term, gain, alike)]
+        )
+        return replace(so_far, history=[*so_far.history[: len(selected)], last], selected=selected)
 
     def search(self, history: Sequence[Fit]) -> tuple[list[Score], dict[str, Fit], Fit | None]:
-        """(ranking, fits of the leaders, the best of them if the evidence demands it).
+        """(ranking, fits of the leading candidates, the best of them if the evidence demands it).
 
-        After the first term the leaders are those that the base model's sensitivities point to; all terms are looked
+        After the first term the candidates are those that the base model's sensitivities point to; all terms are looked
         at again where these lead nowhere.
         """
         best = history[-1]
-        active = {a.term.name for a in best.hypothesis.active}
+        active = {a.name for a in best.hypothesis.terms}
         ranked: list[Score] = []
         found: dict[str, Fit] = {}
         for only in (self.pointed_to(history, active), None) if active else (None,):
@@ -142,38 +148,31 @@ class Namer:
             if not active:
                 self._columns = columns
             ranked = scores(self.problem, best, columns)
-            own = [s for s in ranked if s.term.name not in self.scan.twins]  # twins are not fitted twice
-            found = self.leaders.fits(best, own, 0.3 * EVIDENCE)
+            own = [s for s in ranked if s.term.name not in self.scan.indistinguishable]  # not fitted twice
+            found = self.competition.fits(best, own, thresholds.RIVAL * thresholds.EVIDENCE)
             winner = min(found.values(), key=lambda f: f.cost, default=None)
-            if winner is not None and best.cost - winner.cost >= EVIDENCE:
+            if winner is not None and best.cost - winner.cost >= thresholds.EVIDENCE:
                 return ranked, found, winner
         return ranked, found, None
 
-    def in_twins_too(self, winner: Fit) -> Fit:
+    def in_every_unit(self, winner: Fit) -> Fit:
         """Where the last term is as large as it can be, the same term also in the unit that responds alike.
 
         All of a shaft's friction rests on bristles: the motor's is half of it.
         """
-        last, k = winner.settled().active[-1], self._amplitude(winner)
-        if winner.x[k] < winner.hypothesis.coordinates[k].upper - 1e-6:
+        at = winner.settled()
+        last = at.hypothesis.terms[-1]
+        k = next(k for k, c in enumerate(at.hypothesis.coordinates) if c.names[0] == last.term.amplitude)
+        if at.x[k] < at.hypothesis.coordinates[k].upper - 1e-6:
             return winner
-        twins = self.scan.alike(last.term.name) - {last.term.name}
+        twins = self.scan.alike(last.name) - {last.name}
         for other in (t for t in self.scan.terms if t.name in twins):
-            values = {name.replace(last.term.name, other.name, 1): value for name, value in last.values.items()}
-            found = fit_added(
-                self.problem, winner, replace(last, term=other, values=values),
-                most=15, fresh=2, settled=10.0, roughly=0.002,
-            )  # fmt: skip
-            if found is not None and winner.cost - found.cost > EVIDENCE:
+            values = {name.replace(last.name, other.name, 1): value for name, value in last.values.items()}
+            found = fit_added(self.problem, winner, [replace(last, term=other, values=values)], finished(2, steps=15))
+            if found is not None and winner.cost - found.cost > thresholds.EVIDENCE:
                 self.progress(f"{other.name} as well")
                 winner = found
         return winner
-
-    @staticmethod
-    def _amplitude(fit: Fit) -> int:
-        """The coordinate of the last term's amplitude."""
-        name = fit.hypothesis.active[-1].term.amplitude
-        return next(k for k, c in enumerate(fit.hypothesis.coordinates) if c.names[0] == name)
 
     def pointed_to(self, history: Sequence[Fit], active: Collection[str]) -> set[str]:
         """Terms that lead by the base model's sensitivities."""
@@ -182,57 +181,55 @@ class Namer:
         return {s.term.name for s in ranked[:POINTED]}
 
     def to_its_end(self, best: Fit) -> Fit:
-        """The fit itself, or a better one where its Jacobian still promises what could be taken for a term.
+        """The fit itself, or a better one where its Jacobian still predicts what could be taken for a term.
 
         A large term's claim is checked without it anyhow, so that a small share of what is above noise may be left.
         """
-        if promised(best) < max(
-            EVIDENCE, min(SETTLED * (best.chi2 - self.problem.samples), 0.5 * BEYOND_DOUBT * EVIDENCE)
-        ):
+        doubt = 0.5 * thresholds.BEYOND_DOUBT * thresholds.EVIDENCE
+        may_leave = min(SETTLED * (best.chi2 - self.problem.samples), doubt)
+        if predicted_decrease(best) < max(thresholds.EVIDENCE, may_leave):
             return best
-        found = fit(self.problem, best.hypothesis, best.x, settled=10.0, roughly=0.002, fresh_most=3)
+        found = fit(self.problem, best.hypothesis, best.x, None, finished(3, steps=30))
         return found if found is not None and found.cost < best.cost else best
 
     def with_onsets(self, best: Fit) -> Fit:
         """With the onsets of several terms looked at once more: those before the last were found while it was off."""
-        late = [k for k, active in enumerate(best.hypothesis.active) if active.onset is not None]
-        for _ in range(PASSES if late and len(best.hypothesis.active) > 1 else 0):
+        late = [k for k, active in enumerate(best.hypothesis.terms) if active.onset is not None]
+        for _ in range(PASSES if late and len(best.hypothesis.terms) > 1 else 0):
             before = best.cost
             for k in late:
-                if best.hypothesis.active[k].onset is None or not self.problem.unexplained(best.residual):
+                if best.hypothesis.terms[k].onset is None or not self.problem.unexplained(best.residual):
                     continue
-                best = min(best, self.leaders.with_onset(best, k), key=attrgetter("cost"))
-                always = self.leaders.from_start(best, k)
-                best = always if always is not None and always.cost < best.cost + ALIKE else best
-            if before - best.cost < EVIDENCE:
+                best = min(best, self.competition.with_onset(best, k), key=attrgetter("cost"))
+                always = self.competition.from_start(best, k)
+                best = always if always is not None and always.cost < best.cost + thresholds.ALIKE else best
+            if before - best.cost < thresholds.EVIDENCE:
                 break
         return best
 
     def without_last(self, best: Fit, winner: Fit) -> Fit | None:
         """What went before, fitted from where the winner has it, its last term's share taken over by the others.
 
-        A fit that ended early, or in a side valley, leaves room for a term that only helps it on. What may stand in for
-        the term is asked of its own unit's parameters first: a gap that is too narrow is a gap. None: it is beyond
+        A fit that ended early, or in a local minimum, leaves room for a term that only helps it on. What may stand in
+        for the term is asked of its own unit's parameters first: a gap that is too narrow is a gap. None: it is beyond
         doubt that the term is needed.
         """
-        coordinates, term = winner.hypothesis.coordinates, winner.hypothesis.active[-1].term
-        names = {c.names[0] for c in best.hypothesis.coordinates}
-        kept = [k for k, c in enumerate(coordinates) if c.names[0] in names]
+        coordinates, term = winner.hypothesis.coordinates, winner.hypothesis.terms[-1].term
+        count = len(best.x)  # the winner's coordinates are those of the fit before, then its last term's
         last = [k for k, c in enumerate(coordinates) if c.names[0] == term.amplitude]
-        J = self.renewed(winner, [k for k in kept if coordinates[k].component == term.component])
-        needed = loss_without(replace(winner, jacobian=J), term.name) > BEYOND_DOUBT * EVIDENCE
+        J = self.renewed(winner, [k for k in range(count) if coordinates[k].component == term.component])
+        needed = loss_without(replace(winner, jacobian=J), term.name) > thresholds.BEYOND_DOUBT * thresholds.EVIDENCE
         J = J if needed else self.renewed(winner, range(len(coordinates)))
-        share = np.linalg.lstsq(J[:, kept], J[:, last] @ winner.x[last], rcond=1e-8)[0]
-        hypothesis = replace(winner.hypothesis, active=winner.hypothesis.active[:-1])
-        x = winner.x[kept] + share
-        again = partial(fit, self.problem, hypothesis, x, J[:, kept], settled=10.0, roughly=0.002)
+        stands_in = np.linalg.lstsq(J[:, :count], J[:, last] @ winner.x[last], rcond=SUBSET)[0]
+        hypothesis = replace(winner.hypothesis, effects=winner.hypothesis.effects[:-1])
+        again = partial(fit, self.problem, hypothesis, winner.x[:count] + stands_in, J[:, :count])
         if needed:
-            begun = again(most=4, fresh_most=0)
+            begun = again(finished(0, steps=4))
             if begun is None or begun.cost >= best.cost:
                 return None
-            if best.cost - begun.cost < EARLY * (best.cost - winner.cost):
+            if best.cost - begun.cost < thresholds.ENDED_EARLY * (best.cost - winner.cost):
                 return begun
-        return again(most=15, fresh_most=2)
+        return again(finished(2, steps=15))
 
     def renewed(self, found: Fit, columns: Sequence[int]) -> Vector:
         """The fit's Jacobian, these columns by differences where it stands; as it is where that cannot be simulated."""
@@ -242,60 +239,69 @@ class Namer:
             J[:, columns] = fresh
         return J
 
-    def without_patches(self, best: Fit, named: list[Named]) -> tuple[Fit, list[Named]]:
+    def without_needless(self, best: Fit, selected: list[Selected]) -> tuple[Fit, list[Selected]]:
         """Without earlier terms that the last one made needless: what stood in for it while it was off."""
-        for term in named[:-1]:
-            needed = max(EVIDENCE, NEEDLESS * term.gain)
-            if loss_without(best, term.term) > CLEARLY * needed:
+        for term in selected[:-1]:
+            needed = max(thresholds.EVIDENCE, thresholds.STILL_NEEDED * term.gain)
+            if loss_without(best, term.term) > thresholds.NEEDS_NO_FIT * needed:
                 continue
-            kept = tuple(a for a in best.settled().active if a.term.name != term.term)
-            less = replace(best.settled(), active=kept)
-            names = [c.names[0] for c in less.coordinates]
-            columns = [k for k, c in enumerate(best.hypothesis.coordinates) if c.names[0] in names]
-            found = fit(
-                self.problem, less, base_start(less, best), settled_jacobian(best)[:, columns],
-                settled=20.0, roughly=ROUGHLY, most=8, fresh_most=1,
-            )  # fmt: skip
+            found = self._without(best.settled(), term.term)
             if found is not None and found.cost - best.cost < needed:
                 self.progress(f"{term.term} is no longer needed")
-                best, named = found, [n for n in named if n is not term]
-        return best, named
+                best, selected = found, [s for s in selected if s is not term]
+        return best, selected
+
+    def _without(self, at: Fit, name: str) -> Fit | None:
+        """A settled fit without one of its terms."""
+        gone = [e for e in at.hypothesis.effects if isinstance(e, ActiveTerm) and e.name == name]
+        less = replace(at.hypothesis, effects=tuple(e for e in at.hypothesis.effects if e not in gone))
+        names = [c.names[0] for c in less.coordinates]
+        kept = [k for k, c in enumerate(at.hypothesis.coordinates) if c.names[0] in names]
+        return fit(self.problem, less, at.x[kept], at.jacobian[:, kept], REDUCED)
 
     def as_good(self, fit: Fit, best: Fit) -> bool:
         """Whether a fit cannot be told from the best."""
         left = max(self.problem.excess(best.residual), 0.0)
-        return fit.cost - best.cost < ALIKE + ALIKE_SHARE * left
+        return fit.cost - best.cost < thresholds.ALIKE + thresholds.ALIKE_SHARE * left
 
 
 def loss_without(best: Fit, name: str) -> float:
-    """Chi-square that a fit would lose without that term, all else re-fitted, by its Jacobian."""
+    """Chi-square that a fit would lose without that term, all else re-fitted, by its Jacobian (a Wald test).
+
+    Its shapes stay as they are: without an amplitude they are nothing.
+    """
     coordinates = best.hypothesis.coordinates
-    term = next(a.term for a in best.hypothesis.active if a.term.name == name)
-    amplitude = [k for k, c in enumerate(coordinates) if c.names[0] == term.amplitude]
+    term = next(a.term for a in best.hypothesis.terms if a.name == name)
     shapes = {s.name for s in term.shapes}
     free = [k for k, c in enumerate(coordinates) if c.names[0] not in shapes]
-    J, x = best.jacobian[:, free], best.x[amplitude]
-    weight = np.where([coordinates[k].kind == "base" for k in free], PRIOR, 1e-9)
-    own = [free.index(k) for k in amplitude]
-    spread = np.linalg.pinv(J.T @ J + np.diag(weight))[np.ix_(own, own)]
+    own = [n for n, k in enumerate(free) if coordinates[k].names[0] == term.amplitude]
+    spread = marginal_covariance(best.jacobian[:, free], best.hypothesis.prior[free])[np.ix_(own, own)]
+    x = best.x[free][own]
     return float(x @ np.linalg.pinv(spread) @ x)
 
 
-def prune(problem: Problem, calibrated: Fit, naming: Naming) -> tuple[Fit, list[Named]]:
+def prune(problem: Problem, selection: Selection) -> Selection:
     """Without the last terms that explain less than what stays unexplained: patches, not explanations."""
-    left = problem.excess(naming.fit.residual) - 3 * problem.excess_scatter
-    named = list(naming.named)
-    while named and named[-1].gain < left:
-        named.pop()
-    return naming.history[len(named)], named
+    left = problem.excess(selection.fit.residual) - thresholds.LEFT_SIGMA * problem.excess_scatter
+    return _worth(selection, left)
 
 
-def worth_naming(problem: Problem, calibrated: Fit, naming: Naming) -> tuple[Fit, list[Named]]:
+def worth_naming(problem: Problem, calibrated: Fit, selection: Selection) -> Selection:
     """Where a campaign says what to look at: without the last terms that take little of what the re-fit leaves.
 
     No model of a real machine leaves nothing but noise, so what stays unexplained is no measure there.
     """
-    named = list(naming.named)
-    while named and named[-1].gain < WORTH * (calibrated.chi2 - problem.samples):
-        named.pop()
-    return naming.history[len(named)], named
+    return _worth(selection, thresholds.WORTH * (calibrated.chi2 - problem.samples))
+
+
+def _worth(selection: Selection, least: float) -> Selection:
+    """Without the last terms that take less."""
+    count = len(selection.selected)
+    while count and selection.selected[count - 1].gain < least:
+        count -= 1
+    return selection.up_to(count)
+
+
+def share(part: float, whole: float) -> str:
+    """63 %; never more than all: a term may take what a prior held back as well."""
+    return f"{100 * min(part / max(whole, 1e-300), 1.0):.3g} %"

@@ -57,8 +57,8 @@ def test_connectors_are_those_of_the_system_and_of_its_components(axis: Path) ->
     [
         (
             ("[[recording]]", "[[recordings]]"),
-            "recordings: no such key, allowed are title, system, setups, channels, initial, tolerances, logged, terms, "
-            "frequency_response, alternative, recording",
+            "recordings: no such key, allowed are title, system, setups, parameters, channels, initial, tolerances, "
+            "logged, terms, frequency_response, alternative, recording",
         ),
         (('file = "run.csv"', 'file = "gone.csv"'), "gone.csv: there is no such file"),
         (
@@ -66,7 +66,10 @@ def test_connectors_are_those_of_the_system_and_of_its_components(axis: Path) ->
             "recording.0.role: 'test' is given; Input should be 'train' or 'holdout'",
         ),
         (('file = "run.csv"', 'file = "run.csv"\nsetup = "hot"'), "setup 'hot' is given, default is allowed"),
-        (('"20 %"', '"20"'), "tolerances.axis.friction.d: '20' is given, \"20 %\" or [lower, upper] is allowed"),
+        (
+            ('"20 %"', '"20"'),
+            "tolerances.axis.friction.d: '20' is given, \"20 %\" (more than 0 %) or [lower, upper] is",
+        ),
         (('"axis.s"\n', '"axis.x"\n'), "'axis.x': axis.ssd has no such connector, it has u, axis.s, axis.F, axis.u"),
         (('"axis.ssd"', '"exo.ssd"'), "system 'exo.ssd': there is no"),
         (('"axis.ssd"', '"exo"'), "system 'exo' is given, joint or an .ssp or .ssd file is allowed"),
@@ -196,11 +199,16 @@ def test_a_pattern_stands_for_the_files_that_no_other_entry_names(tmp_path: Path
 
 
 def test_start_values_of_all_recordings_may_stand_at_the_top_and_have_a_factor(tmp_path: Path, axis: Path) -> None:
-    path = write(
-        tmp_path,
-        AXIS.replace("[channels]", '[initial]\n"axis.s" = "first sample * 2"\n"axis.v" = 0.5\n[channels]').replace(
-            'initial = { "axis.s" = "first sample" }', 'initial = { "axis.v" = "first sample of axis.s / 5" }'
-        ),
-    )
-    (r,) = load_campaign(path).recordings
-    assert r.initial == {"axis.s": pytest.approx(10e-3), "axis.v": pytest.approx(1e-3)}
+    own = 'initial = { "axis.s" = "first sample" }'
+    top = AXIS.replace("[channels]", '[initial]\n"axis.s" = "first sample * 2"\n[channels]')
+    (r,) = load_campaign(write(tmp_path, top.replace(own, ""))).recordings
+    assert r.initial == {"axis.s": pytest.approx(10e-3)}
+    (r,) = load_campaign(write(tmp_path, top.replace('"first sample" }', '"first sample of axis.s / 5" }'))).recordings
+    assert r.initial == {"axis.s": pytest.approx(1e-3)}
+
+
+def test_a_force_that_nothing_gives_is_warned_of_before_anything_is_read(
+    tmp_path: Path, axis: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    load_campaign(write(tmp_path, AXIS))
+    assert f"{axis}: axis.F is not connected and stays at 0 N" in caplog.text

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import textwrap
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cobot_joint.diagnosis.data.campaign import load_campaign
+from cobot_joint.diagnosis.data.chain import chain, write_readable
 from cobot_joint.diagnosis.data.conditioning import condition
 from cobot_joint.diagnosis.data.tables import PER_HOLD, scatter
 from cobot_joint.errors import UserError
-from cobot_joint.system.chain import chain, write_readable
 
 SPEEDS = np.concatenate([-np.arange(200, 5, -10), np.arange(10, 205, 10)]).astype(float)  # rpm
 
@@ -20,7 +21,7 @@ CAMPAIGN = """system = "system.ssd"
 "n [rpm]" = { to = "w", sign = -1 }
 "M [%]" = { to = "tau", sign = -1, scale = "9.84 mN.m" }
 [tolerances]
-"friction.friction.tau_C" = "90 %"
+"friction.friction.tau_C" = [0.0, 0.01]
 [[recording]]
 file = FILE
 table = KIND
@@ -76,3 +77,22 @@ def test_a_table_of_too_few_rows_is_refused(tmp_path: Path) -> None:
     (tmp_path / "table.csv").write_text("n,M\n10,1\n20,2\n30,3\n")
     with pytest.raises(UserError, match="3 usable samples are given, 4 at least are needed"):
         load_campaign(campaign(tmp_path, '"table.csv"', "rows"))
+
+
+def test_the_page_s_campaign_reads_a_drive_maker_s_exports_as_they_are(
+    tmp_path: Path, root: Path, shared: Path
+) -> None:
+    page = (root / "docs/own-bench.md").read_text().split('    title = "Lead screw')[1]
+    text = textwrap.dedent('    title = "Lead screw' + page)
+    assert len(text.strip().splitlines()) <= 20
+    write_readable(chain(["friction"]).system, [], tmp_path / "system.ssd")
+    drives = shared / "recordings/real/screw_drives"
+    (tmp_path / "campaign.toml").write_text(text.replace("driveNo1/", f"{drives}/driveNo1/"))
+    train, holdout = load_campaign(tmp_path / "campaign.toml").recordings
+    assert [int(np.isfinite(r.outputs["tau"]).sum()) for r in (train, holdout)] == [24, 8]
+    ends = np.isfinite(train.outputs["tau"])
+    speed, torque = train.inputs["w"][ends] * 30 / np.pi, 1e3 * train.outputs["tau"][ends]
+    assert speed == pytest.approx([-200, -160, -140, -100, -90, -80, -60, -50, -40, -20, -10, -2,
+                                   2, 10, 20, 40, 50, 60, 80, 90, 100, 140, 160, 200], abs=1)  # fmt: skip
+    assert np.all(np.sign(torque) == np.sign(speed))
+    assert 0.02 < 1e3 * train.scatter["tau"] < 0.3  # mN.m; a friction law leaves 0.04 to 0.13

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cobot_joint.diagnosis import archive
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.evaluation import baselines
@@ -73,3 +74,20 @@ def test_a_gaussian_process_corrects_runs_it_has_not_seen_and_names_nothing(monk
         plain, corrected = before(unseen)["w_motor"], discrepancy.around(before)(unseen)["w_motor"]
     error = [np.sqrt(np.mean((unseen.outputs["w_motor"] - x) ** 2)) for x in (plain, corrected)]
     assert error[1] < 0.5 * error[0]
+
+
+def test_a_process_predicts_what_scikit_learn_does_and_is_kept_without_it(tmp_path: Path) -> None:
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+    from sklearn.preprocessing import StandardScaler
+
+    rng = np.random.default_rng(2)
+    z = rng.normal(3.0, [1.0, 20.0], (80, 2))
+    y = 5 + np.sin(z[:, 0]) + 0.1 * z[:, 1] + 0.05 * rng.standard_normal(80)
+    scaler = StandardScaler().fit(z)
+    process = GaussianProcessRegressor(ConstantKernel() * RBF(np.ones(2)) + WhiteKernel(), normalize_y=True)
+    process.fit(scaler.transform(z), y)
+    at = rng.normal(3.0, [1.5, 30.0], (50, 2))
+    archive.save(tmp_path / "p.npz", baselines._plain(scaler, process))
+    kept = archive.load(tmp_path / "p.npz")
+    assert np.allclose(kept(at), process.predict(scaler.transform(at)), rtol=1e-12, atol=1e-12)

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from cobot_joint.diagnosis.evaluation import field_score
+from cobot_joint.diagnosis.evaluation.prove import prove
 from cobot_joint.diagnosis.evaluation.score import broken_seals, rate, scoreboard, seal
 from cobot_joint.errors import UserError
 
@@ -67,27 +69,27 @@ def random_set(rng: random.Random, folder: Path) -> dict:
     return answers
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_the_scoreboard_equals_the_published_scorer(
-    shared: Path, tmp_path: Path, seed: int, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    answers = random_set(random.Random(seed), tmp_path)
-    (tmp_path / "answers.json").write_text(json.dumps(answers))
-    spec = importlib.util.spec_from_file_location("published_score", shared / "score.py")
+def published(script: Path, answers: dict, folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict:
+    """What a published scorer says of the results in a folder."""
+    (folder / "answers.json").write_text(json.dumps(answers))
+    spec = importlib.util.spec_from_file_location(script.stem, script)
     assert spec
     assert spec.loader
-    published = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(published)
-    monkeypatch.setattr(
-        sys,
-        "argv",
-        ["score.py", str(tmp_path / "answers.json"), str(tmp_path), "--json", str(tmp_path / "theirs.json")],
-    )
-    published.main()
-    theirs, ours = (
-        json.loads((tmp_path / "theirs.json").read_text()),
-        json.loads(json.dumps(scoreboard(answers, tmp_path))),
-    )
+    scorer = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(scorer)
+    told = [script.name, str(folder / "answers.json"), str(folder), "--json", str(folder / "theirs.json")]
+    monkeypatch.setattr(sys, "argv", told)
+    scorer.main()
+    return json.loads((folder / "theirs.json").read_text())
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_scoreboard_equals_the_published_scorer(
+    shared: Path, tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers = random_set(random.Random(seed), tmp_path)
+    theirs = published(shared / "score.py", answers, tmp_path, monkeypatch)
+    ours = json.loads(json.dumps(scoreboard(answers, tmp_path)))
     for key, their in theirs["summary"].items():
         our, interval = ours["summary"][key], their.pop("ci95", None) if isinstance(their, dict) else None
         if interval:
@@ -98,6 +100,62 @@ def test_the_scoreboard_equals_the_published_scorer(
     assert ours["summary"].keys() == theirs["summary"].keys()
     for our, their in zip(ours["rows"], theirs["rows"], strict=True):
         assert our == their
+
+
+def random_field_set(rng: random.Random, folder: Path) -> dict:
+    """The same of machines with a background: odd confidences, predictions of any horizon, withheld repairs."""
+    answers = random_set(rng, folder)
+    for case, answer in answers.items():
+        answer["style"] = rng.choice(["tidy", "untidy", "other"])
+        for effect in answer["effects"]:
+            effect["over_background"] = round(rng.uniform(1.6, 84), 2)
+        path = folder / case / "diagnosis.json"
+        if path.is_file():
+            diagnosis = json.loads(path.read_text()) | rng.choice([{}, {"repair": "offered"}, {"repair": "withheld"}])
+            for finding in diagnosis["findings"]:
+                finding["confidence"] = rng.choice([finding["confidence"], 0.5, None, float("nan"), "high", 1])
+            diagnosis["findings"] += rng.choice([[], ["?"], [{"term": None}], [{"term": "motor_bldc.unlisted"}]])
+            path.write_text(rng.choice([json.dumps(diagnosis)] * 9 + ["{"]))
+        if rng.random() < 0.9:
+            channels = {name: channel(rng) for name in ("i_motor", "w_motor", *rng.choice([[], [], [], ["other"]]))}
+            (folder / case / "verify.json").write_text(json.dumps({"channels": channels}))
+    return answers
+
+
+def channel(rng: random.Random) -> dict:
+    def figure() -> float | None:
+        return rng.choice([rng.uniform(0, 0.4), rng.uniform(0, 0.004), *rng.choice([[], [], [None, float("nan")]])])
+
+    figures = [{name: figure() for name in ("calibrated", "repaired")} for _ in range(2)]
+    predicted = rng.choice([None, {"horizon": 0.2} | figures[1], {"horizon": 0.1} | figures[1], {"horizon": 0.5}])
+    return figures[0] | rng.choice([{}, {"predicted": predicted}])
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_scoreboard_of_the_field_equals_the_published_scorer(
+    shared: Path, tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers = random_field_set(random.Random(seed), tmp_path)
+    theirs = published(shared / "score_field.py", answers, tmp_path, monkeypatch)
+    ours = json.loads(json.dumps(field_score.scoreboard(answers, tmp_path)))
+    assert ours["summary"] == theirs["summary"]
+    for our, their in zip(ours["rows"], theirs["rows"], strict=True):
+        assert our == their
+
+
+def test_answers_with_a_style_are_scored_by_the_rules_of_the_field(tmp_path: Path) -> None:
+    case = tmp_path / "case01"
+    case.mkdir()
+    (case / "campaign.toml").write_text('[[recording]]\nfile = "run.parquet"\n')
+    (case / "run.parquet").touch()
+    weak = {"term": "motor_bldc.stribeck", "equivalent": [], "confidence": 0.3}  # no claim, where there is a background
+    (case / "diagnosis.json").write_text(json.dumps({"verdict": "undecided", "findings": [weak]}))
+    (tmp_path / "answers.json").write_text(json.dumps({"case01": {"effects": [], "style": "tidy"}}))
+    score = prove(tmp_path, jobs=1).score
+    assert score
+    assert score["summary"]["right"] == 1
+    assert score["rows"][0]["false"] == []
+    assert score["summary"]["brier"] == 0.09
 
 
 def test_a_rate_has_a_wilson_interval() -> None:

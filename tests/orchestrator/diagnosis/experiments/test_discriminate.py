@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 
-from cobot_joint.diagnosis.estimation.fit import Active, Fit, Hypothesis, fit, tolerances
+from cobot_joint.diagnosis.estimation.effects import ActiveTerm
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
+from cobot_joint.diagnosis.estimation.least_squares import fit
 from cobot_joint.diagnosis.estimation.problem import Noise, Problem
-from cobot_joint.diagnosis.experiments.discriminate import SEPARATES, Bench, next_experiment
+from cobot_joint.diagnosis.experiments.discriminate import Bench, advise
 from cobot_joint.diagnosis.experiments.excitation import experiments
 from cobot_joint.diagnosis.findings import Finding
+from cobot_joint.diagnosis.report.words import next_experiment
+from cobot_joint.diagnosis.thresholds import SEPARATES
 from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, TERMS, Axis, campaign
 
 ASYMMETRY, WINDAGE = (next(t for t in TERMS if t.name == f"axis.{name}") for name in ("asymmetry", "windage"))
@@ -22,7 +26,7 @@ def found() -> tuple[Problem, Fit]:
     case = campaign({"axis.asymmetry.tau_A": 4e-3})
     problem = Problem(Axis(), case.train, {"w": Noise(NOISE)})
     bounds = {name: t.bounds(NOMINAL[name]) for name, t in case.tolerances.items()}
-    hypothesis = Hypothesis(tolerances(problem, bounds), (Active(ASYMMETRY, {ASYMMETRY.amplitude: 4e-3}),))
+    hypothesis = Hypothesis(tolerances(problem, bounds), (ActiveTerm(ASYMMETRY, {ASYMMETRY.amplitude: 4e-3}),))
     best = fit(problem, hypothesis)
     assert best is not None
     return problem, best
@@ -34,7 +38,7 @@ def finding(*equivalent: str) -> Finding:
 
 def test_the_chi_square_by_which_an_experiment_separates_two_terms_is_what_a_fit_of_the_rival_leaves() -> None:
     problem, best = found()
-    bench = Bench(problem, best, best.hypothesis.active[0])
+    bench = Bench(problem, best, best.hypothesis.terms[0])
     apart = {name: chi2[""] for name, chi2 in bench.separations(WINDAGE).items()}
     name = max(apart, key=lambda name: apart[name])
     recording = next(r for r in experiments(problem.recordings) if r.name == name)
@@ -43,33 +47,35 @@ def test_the_chi_square_by_which_an_experiment_separates_two_terms_is_what_a_fit
     start = {n: best.run.values[n] for n in NOMINAL if n in best.run.values}
     free = tuple(
         replace(f, lower=start[f.parameter.name] - half, upper=start[f.parameter.name] + half)
-        for f in best.hypothesis.free
+        for f in best.hypothesis.base
         for half in [(f.upper - f.lower) / 2]
     )
-    left = fit(done, Hypothesis(free, (Active(WINDAGE, {WINDAGE.amplitude: 1e-6}),)))
+    left = fit(done, Hypothesis(free, (ActiveTerm(WINDAGE, {WINDAGE.amplitude: 1e-6}),)))
     assert left is not None
     assert 0.3 < left.cost / apart[name] < 3
 
 
 def test_the_advice_says_which_experiment_and_by_how_much_it_separates() -> None:
     problem, best = found()
-    said = next_experiment(problem, [finding(WINDAGE.name)], best)
-    assert said is not None
-    assert f"{ASYMMETRY.name} or {WINDAGE.name}: " in said
-    assert int(re.findall(r"chi-square of (\d+)", said)[0]) >= SEPARATES
+    (advice,) = advise(problem, [finding(WINDAGE.name)], best)
+    assert advice.terms == (ASYMMETRY.name, WINDAGE.name)
+    assert advice.experiment in {r.name for r in experiments(problem.recordings)}
+    assert advice.chi2 is not None
+    assert advice.chi2 >= SEPARATES
+    assert f"{ASYMMETRY.name} or {WINDAGE.name}: {advice.experiment}" in str(next_experiment([asdict(advice)]))
 
 
 def test_terms_of_one_name_on_a_shaft_want_it_uncoupled_whatever_is_done_to_it() -> None:
     problem, best = found()
-    said = next_experiment(problem, [finding("gear.asymmetry")], best)
-    assert said is not None
-    assert "uncoupled" in said
-    assert "chi-square" not in said
+    (advice,) = advise(problem, [finding("gear.asymmetry")], best)
+    assert advice.uncouple == "axis"
+    assert advice.chi2 is None
+    assert "run axis uncoupled" in str(next_experiment([asdict(advice)]))
 
 
 def test_a_finding_that_stands_alone_needs_no_experiment() -> None:
     problem, best = found()
-    assert next_experiment(problem, [finding()], best) is None
+    assert advise(problem, [finding()], best) == []
 
 
 def test_candidates_stay_inside_what_was_driven_and_begin_at_rest() -> None:

@@ -7,16 +7,19 @@ import json
 import pytest
 
 from cobot_joint.diagnosis.engine import diagnose_plant
-from cobot_joint.diagnosis.estimation.fit import Hypothesis, fit, tolerances
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
+from cobot_joint.diagnosis.estimation.least_squares import fit
 from cobot_joint.diagnosis.estimation.problem import Noise, Problem
-from cobot_joint.diagnosis.localization.conditions import Regime
-from cobot_joint.diagnosis.localization.localize import Located, locate_difference
+from cobot_joint.diagnosis.localization.conditions import Condition
+from cobot_joint.diagnosis.localization.localize import Localization, locate_difference
+from cobot_joint.diagnosis.report import localization_words
+from cobot_joint.diagnosis.report.words import spoken
 from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, Axis, campaign
 
 COGGING = {"axis.cogging.A": 6e-3, "axis.cogging.n": 5.0}
 
 
-def located(truth: dict[str, float], onsets: dict[str, float] | None = None) -> Located:
+def located(truth: dict[str, float], onsets: dict[str, float] | None = None) -> Localization:
     case = campaign(truth, onsets=onsets)
     problem = Problem(Axis(), case.train, {"w": Noise(NOISE)})
     bounds = {name: t.bounds(NOMINAL[name]) for name, t in case.tolerances.items()}
@@ -25,18 +28,19 @@ def located(truth: dict[str, float], onsets: dict[str, float] | None = None) -> 
     return locate_difference(problem, calibrated)
 
 
-def level(found: Located, variable: str, name: str) -> Regime:
-    return next(r for r in found.regimes[variable] if r.level == name)
+def level(found: Localization, variable: str, name: str) -> Condition:
+    return next(r for r in found.conditions[variable] if r.level == name)
 
 
-def test_a_healthy_axis_has_no_regime_and_no_change() -> None:
+def test_a_healthy_axis_has_no_condition_and_no_change() -> None:
     found = located({"axis.d": 1.9e-3})
-    assert (found.regimes, found.orders, found.changes) == ({}, (), ())
-    assert found.words["regimes"] == found.words["time"] == ["Nothing is above noise."]
+    assert (found.conditions, found.orders, found.changes) == ({}, (), ())
+    words = localization_words.located(found.to_json())
+    assert words["regimes"] == words["time"] == ["Nothing is above noise."]
 
 
 def test_the_shares_of_a_variables_levels_are_all_there_is() -> None:
-    for variable, levels in located(COGGING).regimes.items():
+    for variable, levels in located(COGGING).conditions.items():
         assert sum(r.share for r in levels) == pytest.approx(1.0, abs=0.01), variable
         assert sum(r.time for r in levels) == pytest.approx(1.0, abs=0.01), variable
 
@@ -50,7 +54,9 @@ def test_stribeck_friction_lies_at_low_speed() -> None:
 def test_cogging_is_located_at_its_order_of_the_shafts_angle() -> None:
     found = located(COGGING)
     assert [(o.angle, o.order) for o in found.orders] == [("axis.phi", 5)]
-    assert any("5 periods per turn of axis.phi" in words for words in found.words["regimes"])
+    assert any(
+        "5 periods per turn of axis.phi" in words for words in localization_words.located(found.to_json())["regimes"]
+    )
 
 
 def test_an_effect_that_sets_in_is_dated_and_no_input_is_blamed() -> None:
@@ -67,7 +73,9 @@ def test_a_change_at_a_step_of_the_input_is_said_to_be_driven() -> None:
 
 
 def test_a_diagnosis_says_where_before_it_names() -> None:
-    content = json.loads(json.dumps(diagnose_plant(campaign(COGGING), Axis()).to_json()))
+    said: list[str] = []
+    content = json.loads(json.dumps(spoken(diagnose_plant(campaign(COGGING), Axis(), progress=said.append).to_json())))
+    assert said.index("locating the difference") < next(k for k, s in enumerate(said) if s.startswith("round 1"))
     assert content["located"]["orders"][0]["order"] == 5
     assert {"components", "isolability", "regimes", "change_points", "words"} <= set(content["located"])
     where = content["findings"][0]["where"]

@@ -5,10 +5,12 @@ from __future__ import annotations
 import pytest
 
 from cobot_joint.diagnosis.data.conditioning import assess
-from cobot_joint.diagnosis.localization.localize import Located, locate_difference
+from cobot_joint.diagnosis.localization.localize import Localization, locate_difference
 from cobot_joint.diagnosis.plant.influence import behind, influences
 from cobot_joint.diagnosis.repair.compare import VARIANTS, Comparison
+from cobot_joint.diagnosis.report import localization_words
 from cobot_joint.diagnosis.report.report import ReportData, render
+from cobot_joint.diagnosis.report.words import spoken
 from cobot_joint.system.read import load_system
 from tests.orchestrator.diagnosis.bench import NOISE, UNITS, calibrated
 
@@ -16,12 +18,12 @@ UPSTREAM = {"motor_bldc", "planetary_gear", "acquisition"}
 DOWNSTREAM = {"planetary_gear", "torque_sensor", "mr_brake_belt", "acquisition"}
 
 
-def located(concealed: dict[str, float]) -> Located:
+def located(concealed: dict[str, float]) -> Localization:
     with calibrated(concealed) as (problem, fit):
         return locate_difference(problem, fit)
 
 
-def off(found: Located) -> dict[tuple[str, ...], bool]:
+def off(found: Localization) -> dict[tuple[str, ...], bool]:
     """Driving channels -> whether the loaded part that they drive is off."""
     return {r.part.driven: bool(r.off) for r in found.replayed if r.part.setup == "loaded"}
 
@@ -72,7 +74,10 @@ def test_a_unit_whose_inputs_are_not_recorded_is_said_not_to_be_replayed_alone()
     found = located({})
     assert "planetary_gear.tau" in found.not_alone["motor_bldc"]
     assert "mr_brake_belt" not in found.not_alone  # the sensor's torque is recorded
-    assert any(s.startswith("motor_bldc cannot be replayed alone: ") for s in found.words["components"])
+    assert any(
+        s.startswith("motor_bldc cannot be replayed alone: ")
+        for s in localization_words.located(found.to_json())["components"]
+    )
 
 
 def test_what_lies_behind_a_known_signal_is_not_needed() -> None:
@@ -90,7 +95,8 @@ def test_the_report_shows_part_by_part_what_is_off_and_when() -> None:
         runs = problem.outputs(fit.run)
     compared = [Comparison(r, dict.fromkeys(VARIANTS, run)) for r, run in zip(problem.recordings, runs, strict=True)]
     channels = {name: {"noise": sigma, "train": dict.fromkeys(VARIANTS, sigma)} for name, sigma in NOISE.items()}
-    content = {"verdict": "undecided", "findings": [], "channels": channels, "calibrated": {}, "located": found}
+    content = {"verdict": "undecided", "findings": [], "channels": channels, "calibrated": {}, "repaired": {}}
+    content = spoken(content | {"located": found, "advice": [], "structure": {}, "repair": "offered"})
     text = render(ReportData("friction", content, compared, {n: assess(runs[0][n]) for n in NOISE}, UNITS))
-    for part in ("Part by part", "Regime by regime", "When: loaded", "When: no_load", "cannot be replayed alone"):
+    for part in ("Part by part", "By operating condition", "When: loaded", "When: no_load", "cannot be replayed alone"):
         assert part in text

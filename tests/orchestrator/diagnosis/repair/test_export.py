@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import fmpy
@@ -182,3 +183,59 @@ def test_a_correction_of_a_wired_port_passes_what_was_wired(tmp_path: Path) -> N
     assert np.allclose(corrected["i_motor"], plain["i_motor"], atol=4e-4)
     late = np.abs(plain["w_motor"]) > 50
     assert np.allclose(corrected["w_motor"][late] / plain["w_motor"][late], 1.05, atol=2e-3)
+
+
+def two_motors(folder: Path, left: str = "left", right: str = "right", R: float | None = None) -> System:
+    """Two motors of one unit on one voltage."""
+    system = load_system("joint")
+    motor = system.component("motor_bldc")
+    components = (replace(motor, name=left), replace(motor, name=right, parameters={"winding.R": R} if R else {}))
+    (supply,) = (w for w in system.connections if w.source_component is None and w.sink_component == "motor_bldc")
+    (reading,) = (w for w in system.connections if w.sink == "w_motor")
+    wires = [replace(supply, sink_component=c.name) for c in components]
+    wires += [replace(reading, source_component=c.name, source="w", sink=f"w_{k}") for k, c in enumerate(components)]
+    outputs = {f"w_{k}": replace(system.outputs["w_motor"], name=f"w_{k}") for k in range(2)}
+    inputs = {name: c for name, c in system.inputs.items() if name == "v_command"}
+    return replace(system, components=components, connections=tuple(wires), inputs=inputs, outputs=outputs)
+
+
+@pytest.mark.parametrize("names", [("left", "right"), ("Motor", "motor"), ("../a b", "..")])
+def test_two_of_a_unit_are_repaired_each_with_its_own_values(tmp_path: Path, names: tuple[str, str]) -> None:
+    system = two_motors(tmp_path, *names)
+    values = {f"{names[0]}.winding.R": 0.3, f"{names[1]}.winding.R": 0.1}
+    written = write_repair({"default": system}, values, tmp_path / "out")
+    repaired = load_system(written["default"])
+    assert [float(c.unit.variables["winding.R"].start) for c in repaired.components] == [0.3, 0.1]
+    files = [path for path in tmp_path.rglob("*.fmu") if path.parent == tmp_path / "out" / "fmus"]
+    assert len(files) == len(list(tmp_path.rglob("*.fmu"))) == 2
+    recording = replace(run(), setup="default", outputs={"w_0": np.zeros(len(run().time)), "w_1": np.zeros(1501)})
+    recording.inputs.pop("i_brake")
+    with Simulator({"default": repaired}) as ours, Simulator({"default": system}, values) as theirs:
+        given, expected = ours(recording), theirs(recording)
+    for name in ("w_0", "w_1"):
+        assert np.allclose(given[name], expected[name], rtol=1e-12, atol=1e-12)
+    assert np.max(np.abs(given["w_0"] - given["w_1"])) > 1.0
+
+
+def test_set_ups_that_differ_in_a_parameter_leave_both_units(tmp_path: Path) -> None:
+    systems = {"cold": two_motors(tmp_path, R=0.2), "hot": two_motors(tmp_path, R=0.25)}
+    written = write_repair(systems, {"left.winding.R": 0.21}, tmp_path)
+    for setup, R in (("cold", 0.2), ("hot", 0.25)):
+        unit = load_system(written[setup]).component("right").unit
+        assert float(unit.variables["winding.R"].start) == R
+    assert {p.name for p in (tmp_path / "fmus").iterdir()} == {"left.fmu", "right.fmu", "right_hot.fmu"}
+
+
+def test_a_second_repair_s_correction_stands_beside_the_first_one_s(tmp_path: Path) -> None:
+    parameters, signals = formula_parameters([(-1e-4, "mr_brake_belt.w_b")])
+    correction = Correction("brake_correction", "mr_brake_belt.tau_b_add", tuple(signals), parameters)
+    system = load_system("joint_logged")
+    for number in (1, 2):
+        written = write_repair({"loaded": system}, {}, tmp_path / str(number), corrections=(correction,))
+        system = load_system(written["loaded"])
+    assert {"brake_correction", "brake_correction_2"} <= {c.name for c in system.components}
+    d_off = float(system.component("mr_brake_belt").unit.variables["brake.d_off"].start)
+    plain = load_system("joint_logged")
+    corrected, expected = simulated(system), simulated(plain, {"mr_brake_belt.brake.d_off": d_off + 2e-4})
+    effect = np.max(np.abs(expected["w_motor"] - simulated(plain)["w_motor"]))
+    assert np.max(np.abs(corrected["w_motor"] - expected["w_motor"])) < 0.05 * effect

@@ -55,6 +55,7 @@ def data(verdict: str, findings: list[dict], title: str = "Case 07") -> ReportDa
         "findings": findings,
         "channels": channels,
         "calibrated": calibrated,
+        "repaired": {"motor_bldc.winding.R": {"value": 0.2145, "unit": "Ohm", "ci95": [0.212, 0.217]}},
         "next_experiment": None,
     }
     bounds = {"motor_bldc.winding.R": (0.19855, 0.21945)}
@@ -77,9 +78,9 @@ def words(text: str) -> str:
         (
             "explained",
             [FINDING],
-            "The system leaves out Stribeck friction in planetary_gear (97 % sure); modelling it removes 100 % of",
+            "The model lacks Stribeck friction in planetary_gear (97 % sure); modelling it removes 100 % of",
         ),
-        ("unlisted", [UNLISTED], "leaves out something that no listed term explains, at mr_brake_belt (97 % sure)"),
+        ("unlisted", [UNLISTED], "lacks an effect that is on no list, at mr_brake_belt (97 % sure)"),
         ("undecided", [], "no explanation stands out"),
     ],
 )
@@ -99,7 +100,7 @@ def test_the_report_says_where_what_how_sure_and_what_else() -> None:
         "2.5 s into the run",
     ):
         assert part in text
-    for part in ("motor_bldc.winding.R", "0.209", "0.2123", "0.21 to 0.214", "w: 1 gaps"):
+    for part in ("motor_bldc.winding.R", "0.209", "0.2123", "0.2145", "0.212 to 0.217", "w: 1 gaps"):
         assert part in text
 
 
@@ -110,16 +111,16 @@ def test_an_unlisted_effect_has_its_formula_and_its_picture() -> None:
 
 
 def test_what_acted_while_a_recording_was_made_is_told_with_its_times_and_its_picture() -> None:
-    course = {
+    history = {
         "port": "mr_brake_belt.tau_h",
         "unit": "N.m",
         "recordings": {"reversals": {"t": [1, 1.1, 1.4, 1.5, 2, 2.1, 2.2, 2.3], "value": [0, 4, 4, 0, 0, 1.5, 1.5, 0]}},
     }
-    touched = FINDING | {"term": "mr_brake_belt.external_torque", "component": "mr_brake_belt", "course": course}
+    touched = FINDING | {"term": "mr_brake_belt.external_torque", "component": "mr_brake_belt", "load_history": history}
     text = words(render(data("explained", [touched])))
     assert "at mr_brake_belt.tau_h: in reversals from 1.00 to 1.50 s 4, 2.00 to 2.30 s 1.5 N.m" in text
     assert "at times of its own" in text
-    assert "The course of mr_brake_belt.external_torque" in text
+    assert "Loads of mr_brake_belt.external_torque" in text
 
 
 def test_the_report_loads_nothing_from_elsewhere(tmp_path: Path) -> None:

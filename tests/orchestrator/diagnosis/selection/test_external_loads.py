@@ -8,11 +8,11 @@ import pytest
 from cobot_joint.diagnosis.candidates.score_test import Scan
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Vector
-from cobot_joint.diagnosis.findings import Course, Diagnosis, Finding
+from cobot_joint.diagnosis.findings import Diagnosis, Finding, LoadHistory
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.repair.verify import acted_on
-from cobot_joint.diagnosis.selection.external_loads import look_for_a_hand, look_for_episodes, short_times
-from cobot_joint.diagnosis.selection.stepwise import Named, Namer, Naming
+from cobot_joint.diagnosis.selection.external_loads import look_for_external_loads, look_for_unlogged_load, short_times
+from cobot_joint.diagnosis.selection.stepwise import Selected, Selection, Selector
 from cobot_joint.system.read import load_system
 from tests.orchestrator.diagnosis.bench import SETUPS, TIME, calibrated, recordings
 
@@ -20,9 +20,9 @@ HELD = np.interp(TIME, [1.30, 1.36, 1.46, 1.56], [0.0, 1.5, 1.5, 0.0])  # N.m; a
 JUMP = np.where(TIME >= 1.5, 0.02, 0.0)  # rad, at the brake shaft
 
 
-def nothing(start: Fit) -> Naming:
-    """A naming that finds no term."""
-    return Naming(start, [], [], [start])
+def nothing(start: Fit) -> Selection:
+    """A selection that finds no term."""
+    return Selection([start])
 
 
 def silent(words: str) -> None:
@@ -31,12 +31,12 @@ def silent(words: str) -> None:
 
 def test_a_hand_that_held_the_coupling_is_named_with_its_torque_and_times() -> None:
     with calibrated({}, added={"mr_brake_belt.tau_h": HELD}) as (problem, base):
-        found = look_for_episodes(problem, nothing(base), nothing, silent)
+        found = look_for_external_loads(problem, nothing(base), nothing, silent)
         assert found is not None
         assert found.finding.term == "mr_brake_belt.external_torque"
-        assert found.finding.course is not None
-        assert found.finding.course.port == "mr_brake_belt.tau_h"
-        t, value = found.finding.course.courses["loaded"]
+        assert found.finding.load_history is not None
+        assert found.finding.load_history.port == "mr_brake_belt.tau_h"
+        t, value = found.finding.load_history.recordings["loaded"]
         assert np.allclose(t, [1.30, 1.36, 1.46, 1.56], atol=5e-3)
         assert np.max(value) == pytest.approx(1.5, rel=0.01)
         assert not problem.unexplained(found.fit.residual)
@@ -44,17 +44,18 @@ def test_a_hand_that_held_the_coupling_is_named_with_its_torque_and_times() -> N
 
 def test_a_term_beside_a_hand_is_named_as_well() -> None:
     with calibrated({"motor_bldc.windage.c": 4e-9}, added={"mr_brake_belt.tau_h": HELD}) as (problem, base):
-        namer = Namer(problem, Scan(problem, [t for t in problem.plant.terms if t.name.endswith(".windage")]), silent)
-        found = look_for_a_hand(problem, base, namer.name, silent)
+        windage = [t for t in problem.plant.terms if t.name.endswith(".windage")]
+        selector = Selector(problem, Scan(problem, windage), silent)
+        found = look_for_unlogged_load(problem, base, selector.select, silent)
         assert found is not None
         assert found.finding.term == "mr_brake_belt.external_torque"
-        assert [n.term for n in found.named] == ["motor_bldc.windage"]
+        assert [n.term for n in found.selected] == ["motor_bldc.windage"]
         assert found.fit.run.values["motor_bldc.windage.c"] == pytest.approx(4e-9, rel=0.1)
 
 
 def test_a_belt_that_jumped_is_unlisted_with_the_angle_and_the_moment() -> None:
     with calibrated({}, added={"mr_brake_belt.stretch_add": JUMP}) as (problem, base):
-        found = look_for_episodes(problem, nothing(base), nothing, silent)
+        found = look_for_external_loads(problem, nothing(base), nothing, silent)
         assert found is not None
         assert found.finding.term == "mr_brake_belt.unlisted"
         assert found.finding.onset == pytest.approx(1.5, abs=2e-3)
@@ -73,19 +74,19 @@ def test_a_difference_that_lasts_is_not_looked_at_as_an_episode() -> None:
 def test_what_listed_terms_explain_is_not_looked_at_again() -> None:
     with calibrated({}, added={"mr_brake_belt.tau_h": HELD}) as (problem, base):
         true = Fit(base.hypothesis, base.x, 0.0, problem.recorded * 0, base.simulated, base.jacobian, 0)
-        listed = Naming(true, [Named("motor_bldc.windage", 1e6)], [], [base, true])
-        assert look_for_episodes(problem, listed, nothing, silent) is None
+        listed = Selection([base, true], [Selected("motor_bldc.windage", 1e6)])
+        assert look_for_external_loads(problem, listed, nothing, silent) is None
 
 
 def test_recordings_are_compared_with_what_acted_on_the_machine_while_they_were_made() -> None:
     t = np.array([1.30, 1.36, 1.46, 1.56])
-    course = Course("mr_brake_belt.tau_h", "N.m", {"loaded": (t, np.array([0.0, 1.5, 1.5, 0.0]))})
-    finding = Finding("mr_brake_belt.external_torque", (), 0.9, None, {}, {}, 1.0, course=course)
-    courses = Diagnosis("explained", [finding], {}, {}).courses()
+    history = LoadHistory("mr_brake_belt.tau_h", "N.m", {"loaded": (t, np.array([0.0, 1.5, 1.5, 0.0]))})
+    finding = Finding("mr_brake_belt.external_torque", (), 0.9, None, {}, {}, 1.0, load_history=history)
+    loads = Diagnosis("explained", [finding], {}, {}).load_histories()
     with FmuPlant({setup: load_system(name) for setup, name in SETUPS.items()}) as plant:
         held, _ = recordings(plant, {}, added={"mr_brake_belt.tau_h": HELD})
         assert rms(held.outputs["tau_sensor"] - plant.simulate({}, held)["tau_sensor"]) > 0.1
-        assert rms(held.outputs["tau_sensor"] - acted_on(plant, courses)(held)["tau_sensor"]) < 6e-3
+        assert rms(held.outputs["tau_sensor"] - acted_on(plant, loads)(held)["tau_sensor"]) < 6e-3
 
 
 def rms(x: Vector) -> float:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from cobot_joint.cosim import Simulation
+from cobot_joint.diagnosis.data.chain import Chain, chain, with_data_sheet, write_readable
 from cobot_joint.errors import UserError
 from cobot_joint.system import load_system
-from cobot_joint.system.chain import Chain, chain, with_data_sheet, write_readable
 from cobot_joint.system.model import Inputs
 
 
@@ -90,9 +90,9 @@ def test_the_file_says_what_every_value_is_and_in_which_unit(tmp_path: Path) -> 
         ("load,gear", {}, "load has nothing behind it that could drive a gear"),
         ("motor,motor", {}, "each part may stand there once"),
         ("motor", {"gear.N": "100"}, "--set gear.N: there is no such part, the chain has motor"),
-        ("motor", {"motor.k_M": "3 V"}, "--set motor.k_M: unit 'V' is given, one that converts to 'N.m/A' is needed"),
+        ("motor", {"motor.k_M": "3 V"}, "unit 'V' is given, one that converts to 'N.m/A' is needed"),
         ("motor", {"motor.weight": "3"}, "there is no such parameter, it has winding.R, winding.L"),
-        ("motor", {"motor.R": "much"}, "a number with its unit is needed: '0.61 Ohm'"),
+        ("motor", {"motor.R": "much"}, "--set: motor.winding.R"),
     ],
 )
 def test_a_wrong_chain_is_refused_in_one_line(names: str, sheet: dict[str, str], told: str) -> None:

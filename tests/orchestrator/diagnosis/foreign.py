@@ -10,17 +10,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import lfilter
 
 from cobot_joint.diagnosis.data.campaign import Campaign, Logged
 from cobot_joint.diagnosis.data.recording import Recording
-from cobot_joint.diagnosis.estimation.problem import Vector
+from cobot_joint.diagnosis.estimation.problem import Noise, Vector
 from cobot_joint.diagnosis.plant.correction import formula_parameters, table_parameters
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import Plant
 from cobot_joint.diagnosis.repair.export import Correction, with_correction
 from cobot_joint.system.model import System
-from cobot_joint.system.read import load_system
 
 SPREAD = 0.5  # of a healthy parameter, 1 sigma over its tolerance
 
@@ -53,7 +51,7 @@ def conceal(
     SimulationError: parameters and effect together cannot be simulated.
     """
     correction = foreign.correction()
-    systems = {s: _with(load_system(path), correction, folder) for s, path in campaign.setups.items()}
+    systems = {s: _with(system, correction, folder) for s, system in campaign.systems().items()}
     with FmuPlant(systems) as plant:
         values = _healthy(campaign, plant, rng)
         recordings = [replace(r, outputs=_logged(campaign, plant, r, values, rng, colour)) for r in campaign.recordings]
@@ -79,12 +77,11 @@ def _logged(
 ) -> dict[str, Vector]:
     there = {name: value for name, value in values.items() if plant.has(name, r)}
     clean = plant.simulate(there, r)
-    return {name: logged(clean[name], campaign.logged[name], rng, colour) for name in r.outputs}
+    return {name: _noise(campaign.logged[name], colour).on(clean[name], rng) for name in r.outputs}
 
 
-def logged(clean: Vector, channel: Logged, rng: np.random.Generator, colour: float = 0.0) -> Vector:
-    """A signal as the logger gives it: noise, of first-order colour if it is a torque, and steps of the converter."""
-    rho = colour if channel.unit == "N.m" else 0.0
-    white = rng.normal(0, channel.noise or 0.0, len(clean))
-    y = clean + lfilter([np.sqrt(1 - rho**2)], [1, -rho], white)
-    return channel.step * np.round(y / channel.step) if channel.step else y
+def _noise(channel: Logged, colour: float) -> Noise:
+    """The logger's; coloured if it is a torque."""
+    step = channel.step or 0.0
+    sigma = float(np.hypot(channel.noise or 0.0, step / np.sqrt(12)))
+    return Noise(sigma, colour if channel.unit == "N.m" else 0.0, step)

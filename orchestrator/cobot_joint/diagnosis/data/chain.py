@@ -7,10 +7,9 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 from lxml import etree
 
-from cobot_joint.diagnosis.data.quantity import convert
+from cobot_joint.diagnosis.data.parameters import with_values
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import Component, Connection, Connector, System, Value
 from cobot_joint.system.read import NS
@@ -176,15 +175,13 @@ def _wires(a: str, b: str, units: Mapping[str, Unit]) -> list[Connection]:
 def with_data_sheet(made: Chain, given: Mapping[str, str]) -> Chain:
     """`motor.R` or `motor.torque_constant` -> "38.5 mN.m/A": values in any unit that converts. UserError: no such."""
     components = {c.name: c for c in made.system.components}
+    values = {}
     for key, text in given.items():
         name, _, wanted = key.partition(".")
         if name not in components:
             raise UserError(f"--set {key}: there is no such part, the chain has {among(components)}")
-        component = components[name]
-        variable = _parameter(key, wanted, component.unit)
-        value = _value(f"--set {key}", text, component.unit.unit_of(variable))
-        components[name] = replace(component, parameters={**component.parameters, variable: value})
-    return replace(made, system=replace(made.system, components=tuple(components.values())))
+        values[f"{name}.{_parameter(key, wanted, components[name].unit)}"] = text
+    return replace(made, system=with_values({"": made.system}, values, "--set")[""])
 
 
 def _parameter(key: str, wanted: str, unit: Unit) -> str:
@@ -198,15 +195,6 @@ def _parameter(key: str, wanted: str, unit: Unit) -> str:
         known = among(found or [n for n in real if n in {p for part in PARTS.values() for p in part.data_sheet}], 20)
         raise UserError(f"--set {key}: {'which of' if found else 'there is no such parameter, it has'} {known}")
     return found[0]
-
-
-def _value(where: str, text: str, unit: str | None) -> float:
-    number, _, rest = text.strip().partition(" ")
-    try:
-        value = np.array([float(number)])
-    except ValueError as error:
-        raise UserError(f"{where} = {text!r} is given, a number with its unit is needed: '0.61 Ohm'") from error
-    return float(convert(value, rest.strip() or None, unit, where)[0][0])
 
 
 def write_readable(made: System, parts: Iterable[tuple[str, str]], path: Path) -> Path:

@@ -1,0 +1,233 @@
+"""Bounded non-linear least squares over rough simulations: Levenberg-Marquardt with Broyden's updates.
+
+More, J. J. (1978), The Levenberg-Marquardt algorithm: implementation and theory, Lecture Notes in Mathematics 630;
+Broyden, C. G. (1965), A class of methods for solving nonlinear simultaneous equations, Math. Comp. 19(92).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from cobot_joint.diagnosis.estimation.effects import Coordinate, Effect
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
+from cobot_joint.diagnosis.estimation.problem import Problem, Simulated, Vector
+
+WIDE = 0.05  # of a value, beyond which no difference quotient goes
+LAST = 3.0  # steps not worth their run: what a fresh Jacobian has to bring, or it was the last
+AS_PREDICTED = 0.15  # share by which a step may gain other than the Jacobian predicted
+OLD, OWN, FRESH = 0, 1, 2  # a Jacobian by Broyden's updates, with the effects' columns by differences, or all of it
+DAMPING = 0.03  # of the first step, over the chi-square above noise: a resonance far off is not reached in one stride
+
+
+@dataclass(frozen=True)
+class Precision:
+    """When a fit is good enough.
+
+    settled: chi-square below which a further step is not worth its run; roughly: the same as a share of what is above
+    noise. steps: at most. jacobians: by differences at most, beside those of the effects' own columns.
+    """
+
+    settled: float = 1.0
+    roughly: float = 0.0
+    steps: int = 30
+    jacobians: int = 100
+
+
+def bounded_step(gram: Vector, gradient: Vector, lower: Vector, upper: Vector) -> tuple[Vector, float]:
+    """min |r - J s|^2 over lower <= s <= upper, from gram = J'J and gradient = J'r. Gives s, what |r|^2 falls by."""
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-30))
+    values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
+    root = np.sqrt(np.maximum(values, 1e-12))
+    matrix = (root[:, None] * vectors.T) * scale
+    target = (vectors.T @ (gradient / scale)) / root
+    free = np.linalg.lstsq(matrix, target, rcond=None)[0]
+    if np.all(free >= lower) and np.all(free <= upper):
+        step = free
+    else:
+        step = lsq_linear(matrix, target, bounds=(lower, np.maximum(upper, lower + 1e-12)), method="bvls").x
+    return step, float(2 * gradient @ step - step @ gram @ step)
+
+
+def difference(
+    problem: Problem, hypothesis: Hypothesis, x: Vector, base: Simulated, only: Sequence[int] | None = None
+) -> Vector | None:
+    """d(simulated)/dx by one-sided differences, inside bounds: (rows, len(x) or len(only)); None: a run failed."""
+    runs, steps, where = [], [], []
+    coordinates = hypothesis.coordinates
+    names = [recording.name for recording in problem.recordings]
+    for k in range(len(coordinates)) if only is None else only:
+        c = coordinates[k]
+        step = _step(problem, c, float(x[k]))
+        steps.append(step if x[k] + step <= c.upper else -step)
+        point = x.copy()
+        point[k] += steps[-1]
+        runs.append(replace(hypothesis.run(point), touches=(c.component,)))
+        where.append(names.index(c.recording) if c.recording else None)
+    found = problem.simulate(runs, base, where)
+    columns = [(f.white - base.white) / step for f, step in zip(found, steps, strict=True) if f is not None]
+    return np.column_stack(columns) if len(columns) == len(runs) else None
+
+
+def _step(problem: Problem, coordinate: Coordinate, x: float) -> float:
+    """Of a difference quotient: short where a tolerance is wide, for what is fitted may bend over it."""
+    if coordinate.step is not None:
+        return coordinate.step
+    value = abs(coordinate.start + coordinate.scale * x)
+    if coordinate.kind != "base" or value == 0:
+        return problem.step
+    return min(problem.step, max(WIDE * value / coordinate.scale, 0.1 * problem.step))
+
+
+def fit(
+    problem: Problem,
+    hypothesis: Hypothesis,
+    x: Vector | None = None,
+    jacobian: Vector | None = None,
+    precision: Precision = Precision(),
+) -> Fit | None:
+    """The hypothesis at its best point near the start. None: the start cannot be simulated.
+
+    x, jacobian: where to start, and an approximate Jacobian there (rows, len(x)). Broyden's update where a step came as
+    predicted, differences where not: first of the effects' own columns, which are few and bend most, then of all.
+    """
+    search = _Search(problem, hypothesis, precision)
+    if not search.begin(hypothesis.start() if x is None else x, jacobian):
+        return None
+    number = 0
+    for number in range(1, precision.steps + 1):  # noqa: B007 - the last one is told below
+        if search.J is None or search.ended():
+            break
+    if search.J is None or search.base is None:
+        return None
+    residual = search.residual
+    return Fit(hypothesis, search.at, float(residual @ residual), residual, search.base, search.J, number)
+
+
+class _Search:
+    """A fit on its way."""
+
+    def __init__(self, problem: Problem, hypothesis: Hypothesis, precision: Precision) -> None:
+        self.problem, self.hypothesis, self.precision = problem, hypothesis, precision
+        coordinates = hypothesis.coordinates
+        self.lower, self.upper = np.array([c.lower for c in coordinates]), np.array([c.upper for c in coordinates])
+        self.prior = hypothesis.prior
+        self.own = [k for k, c in enumerate(coordinates) if c.kind != "base"]
+        self.jacobians = precision.jacobians  # that are left
+        self.begun = np.inf  # cost with the last fresh Jacobian
+        self.base: Simulated | None = None
+        self.J: Vector | None = None
+
+    def begin(self, x: Vector, jacobian: Vector | None) -> bool:
+        """Whether the start can be simulated."""
+        self.at = np.clip(x, self.lower, self.upper)
+        self.base = self.problem.simulate([self.hypothesis.run(self.at)])[0]
+        if self.base is None:
+            return False
+        self.residual = self.problem.recorded - self.base.white
+        self.cost = self._cost(self.residual, self.at)
+        self.J, self.age = jacobian, OLD
+        if jacobian is None:
+            self.J, self.age = difference(self.problem, self.hypothesis, self.at, self.base), FRESH
+        self.damping = DAMPING * self._above(self.cost)
+        return True
+
+    def ended(self) -> bool:
+        """One step; whether it was the last."""
+        assert self.J is not None
+        assert self.base is not None
+        self.begun = self.cost if self.age == FRESH else self.begun
+        trial, predicted = self._trial(self.J)
+        found = self.problem.simulate([self.hypothesis.run(trial)])[0]
+        rest = self.problem.recorded - found.white if found is not None else self.residual
+        new = self._cost(rest, trial) if found is not None else np.inf
+        worth = max(self.precision.settled, self.precision.roughly * self._above(min(self.cost, new)))
+        # a damped step's small gain is no end
+        enough = self.precision.roughly > 0 and self.begun - min(self.cost, new) < LAST * worth
+        if found is None or new >= self.cost:
+            return self._after_failure(predicted, enough)
+        moved, used, gained = trial - self.at, self.age, self.cost - new
+        self.J = self.J + np.outer(found.white - self.base.white - self.J @ moved, moved) / float(moved @ moved)
+        self.at, self.base, self.residual, self.cost, self.age = trial, found, rest, new, OLD
+        slow, kept = gained < worth, gained / predicted
+        if slow and (used >= self._youngest or enough):
+            return True
+        self.damping *= 0.01 if abs(kept - 1) < AS_PREDICTED else 0.15 if kept > 0.7 else 0.5 if kept > 0.4 else 1.5
+        if slow or kept < 1 - AS_PREDICTED:
+            if slow and used == OWN and self.jacobians > 0:
+                self.age = OWN  # own columns have been renewed, and that was not enough
+            self._renew()
+        return False
+
+    def _trial(self, J: Vector) -> tuple[Vector, float]:
+        """The next point, and the decrease of the cost that the Jacobian predicts for it."""
+        gram, gradient = J.T @ J + np.diag(self.prior), J.T @ self.residual - self.prior * self.at
+        damped = gram + self.damping * np.eye(len(self.at))
+        step, _ = bounded_step(damped, gradient, self.lower - self.at, self.upper - self.at)
+        return np.clip(self.at + step, self.lower, self.upper), float(2 * gradient @ step - step @ gram @ step)
+
+    def _after_failure(self, predicted: float, enough: bool) -> bool:
+        """A step that did not help: a younger Jacobian, else more damping. Whether neither is worth trying."""
+        if predicted < self.precision.settled or (self.age == OLD and enough):
+            return True
+        if self.age < self._youngest:
+            self._renew()
+        elif self.age == OLD:
+            return True
+        else:
+            self.damping = max(5 * self.damping, 1e-2 * max(self.cost - self.problem.samples, self.precision.settled))
+        return False
+
+    @property
+    def _youngest(self) -> int:
+        """The youngest Jacobian that can be had."""
+        return FRESH if self.jacobians > 0 else OWN if self.own else OLD
+
+    def _renew(self) -> None:
+        """The next younger Jacobian; as it is where none is left."""
+        assert self.base is not None
+        assert self.J is not None
+        if self.age == OLD and self.own:
+            columns = difference(self.problem, self.hypothesis, self.at, self.base, self.own)
+            self.J = self.J.copy() if columns is not None else None
+            if self.J is not None:
+                self.J[:, self.own], self.age = columns, OWN
+        elif self.jacobians > 0:
+            self.J, self.age = difference(self.problem, self.hypothesis, self.at, self.base), FRESH
+            self.jacobians -= 1
+
+    def _cost(self, residual: Vector, x: Vector) -> float:
+        return float(residual @ residual + self.prior @ x**2)
+
+    def _above(self, cost: float) -> float:
+        """Above what noise leaves."""
+        return max(cost - self.problem.samples, 0.0)
+
+
+def fit_on(problem: Problem, found: Fit, precision: Precision) -> Fit | None:
+    """The same hypothesis, fitted on from where it stands."""
+    return fit(problem, found.hypothesis, found.x, found.jacobian, precision)
+
+
+def fit_added(problem: Problem, best: Fit, effects: Sequence[Effect], precision: Precision) -> Fit | None:
+    """`best` with further effects; its Jacobian is that of `best` and the effects' own, so that few runs are needed."""
+    before = best.settled()
+    hypothesis = before.hypothesis.with_effects(*effects)
+    x = np.concatenate([before.x, *(effect.start() for effect in effects)])
+    base = problem.simulate([hypothesis.run(x)])[0]
+    added = difference(problem, hypothesis, x, base, range(len(before.x), len(x))) if base is not None else None
+    if added is None:
+        return None
+    return fit(problem, hypothesis, x, np.column_stack([before.jacobian, added]), precision)
+
+
+def predicted_decrease(found: Fit) -> float:
+    """Cost that a further step would take, by the fit's own Jacobian."""
+    coordinates, prior, J = found.hypothesis.coordinates, found.hypothesis.prior, found.jacobian
+    lower, upper = np.array([c.lower for c in coordinates]), np.array([c.upper for c in coordinates])
+    gram, gradient = J.T @ J + np.diag(prior), J.T @ found.residual - prior * found.x
+    return bounded_step(gram, gradient, lower - found.x, upper - found.x)[1]

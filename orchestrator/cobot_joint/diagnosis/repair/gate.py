@@ -1,0 +1,62 @@
+"""Prediction is the judge: a repair that predicts no better than the system without it is withheld.
+
+Held-out runs decide where there are some; fitted runs only say that a repair which does not even fit them is none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from cobot_joint.diagnosis import thresholds
+
+Channels = Mapping[str, Mapping[str, Any]]  # as diagnosis.json has them
+VARIANTS = ("nominal", "calibrated", "repaired")
+
+
+def above_noise(channels: Channels, role: str) -> dict[str, float] | None:
+    """Variant -> squared error above noise, in units of it, over all channels; None: no such runs.
+
+    Of anchored predictions (`predicted`), where every channel has these: a free run loses angles, whatever the model.
+    """
+    there = [(c["noise"], c[role]) for c in channels.values() if role in c and c["noise"]]
+    if not there:
+        return None
+    if all(figures.get("predicted") for _, figures in there):
+        there = [(noise, figures["predicted"]) for noise, figures in there]
+    if any(figures[v] is None for _, figures in there for v in VARIANTS):
+        return None
+    return {v: sum(max(0.0, (figures[v] / noise) ** 2 - 1) for noise, figures in there) for v in VARIANTS}
+
+
+def judged(channels: Channels) -> Literal["offered", "withheld"]:
+    """Whether the repair predicts no worse than nominal and calibrated, and fits no worse than calibrated."""
+    for role, rivals in (("holdout", ("nominal", "calibrated")), ("train", ("calibrated",))):
+        error = above_noise(channels, role)
+        if error and error["repaired"] > thresholds.NO_WORSE * min(error[v] for v in rivals) + thresholds.NEGLIGIBLE:
+            return "withheld"
+    return "offered"
+
+
+def removed(channels: Channels) -> tuple[float, str] | None:
+    """(share of the error above noise that the repair removes, in which runs); None: there was nothing, or none was.
+
+    Of the better of nominal and calibrated.
+    """
+    for role in ("holdout", "train"):
+        error = above_noise(channels, role)
+        if error is None:
+            continue
+        before = min(error["nominal"], error["calibrated"])
+        if before > thresholds.NEGLIGIBLE:
+            share = 1 - error["repaired"] / before
+            return (share, role) if share > 0 else None
+    return None
+
+
+def calibration_misleads(channels: Channels) -> bool:
+    """Whether the re-fitted base model predicts held-out runs worse than the system as specified."""
+    error = above_noise(channels, "holdout")
+    if error is None:
+        return False
+    return error["calibrated"] > thresholds.NO_WORSE * error["nominal"] + thresholds.NEGLIGIBLE

@@ -1,0 +1,109 @@
+"""The sentences of diagnosis.json, made from its numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.repair.gate import calibration_misleads
+from cobot_joint.diagnosis.report import localization_words
+
+Json = Mapping[str, Any]
+
+
+def spoken(content: Json) -> dict[str, Any]:
+    """diagnosis.json with its sentences: of findings and conditions, of `located`, notes, the next experiment."""
+    findings = [_finding(f) for f in content["findings"]]
+    located = content["located"]
+    return {
+        **content,
+        "findings": findings,
+        "located": {**located, "words": localization_words.located(located)} if located else {},
+        "next_experiment": next_experiment(content["advice"]),
+        "notes": notes(content),
+    }
+
+
+def _finding(f: Json) -> dict[str, Any]:
+    if not f["where"].get("by_recording"):
+        return {**f, "where": {**f["where"], "regime": band(f["where"])}, "words": ""}
+    regime, sentence = localization_words.where(f["where"])
+    said = [unmodelled(f["shape"], f["onset"]) or load_history(f.get("load_history")), sentence]
+    return {**f, "where": {**f["where"], "regime": regime}, "words": "; ".join(filter(None, said))}
+
+
+def band(where: Json) -> str:
+    """Conditions of a finding that no recording in time shows."""
+    return ", ".join(localization_words.condition(r) for r in where.get("by_regime", []))
+
+
+def unmodelled(shape: Json | None, onset: float | None) -> str | None:
+    """The form of an effect that is on no list."""
+    if not shape:
+        return None
+    form = shape["formula"] or _table(shape)
+    since = "" if onset is None else f" from {onset:.4f} s on"
+    return f"no listed term explains it; at {shape['port']} it is {form}{since}"
+
+
+def _table(shape: Json) -> str:
+    (signal,) = (name for name in shape["table"] if name != "value")
+    return f"a table over {signal}" + (f", times {shape['factor']}" if shape["factor"] else "")
+
+
+def load_history(history: Json | None) -> str | None:
+    """External loads: how often, how large."""
+    if not history:
+        return None
+    values = [np.array(c["value"]) for c in history["recordings"].values()]
+    largest = max(float(np.abs(v).max()) for v in values)
+    times = sum(len(pulses(v)) for v in values)
+    return f"at {history['port']}, {times} external loads, up to {largest:.4g} {history['unit']}"
+
+
+def pulses(value: np.ndarray[Any, Any]) -> list[np.ndarray[Any, Any]]:
+    """Corners of an outline, load by load: between two zeros in a row nothing acts."""
+    return np.split(np.arange(len(value)), np.flatnonzero((value[:-1] == 0) & (value[1:] == 0)) + 1)
+
+
+def next_experiment(advice: Sequence[Json]) -> str | None:
+    """What to record next; None where every finding stands alone."""
+    return " ".join(dict.fromkeys(_advice(a) for a in advice)) or None
+
+
+def _advice(a: Json) -> str:
+    if a["uncouple"]:
+        units = [t.split(".")[0] for t in a["terms"]]
+        name = a["terms"][0].split(".")[1]
+        shared = f"{name}: {' and '.join(units)} share a shaft that the channels see as one"
+        return f"{shared}; run {a['uncouple']} uncoupled, with the same voltage, and compare."
+    pair, what = " or ".join(a["terms"]), f"{a['experiment']}"
+    none = f"{pair}: no experiment with these channels separates them"
+    if a["chi2"] < thresholds.SEPARATES:
+        return f"{none}, nor would another output of the units."
+    if a["channel"]:
+        return f"{none}; {a['channel']} logged as well, {what} would, by a chi-square of {a['chi2']:.0f}."
+    return f"{pair}: {what}, {a['seconds']:.0f} s, would differ by a chi-square of {a['chi2']:.0f} after a re-fit."
+
+
+def notes(content: Json) -> list[str]:
+    """What has to be said beside the verdict."""
+    said = []
+    if calibration_misleads(content["channels"]):
+        said.append("the re-fitted base model predicts held-out runs worse than the system as specified")
+    if content["repair"] == "withheld":
+        said.append("what was found does not predict held-out runs better than the system without it")
+    return said + _unexplained(content)
+
+
+def _unexplained(content: Json) -> list[str]:
+    structure = content["structure"]
+    if content["verdict"] == "undecided" and not content["findings"]:
+        return ["the recordings differ from the re-fitted base model, and nothing that was tried explains how"]
+    left, before = structure.get("repaired", 0.0), max(structure.get("calibrated", 0.0), structure.get("repaired", 0.0))
+    if content["findings"] and structure.get("scatter") and left > thresholds.CLEARLY_LEFT * structure["scatter"]:
+        return [f"{100 * left / before:.1f} % of the slow structure in the residual is left unexplained"]
+    return []

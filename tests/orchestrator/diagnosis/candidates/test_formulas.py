@@ -1,0 +1,80 @@
+"""Forms at a port are made of what the signals are, not of what they are called."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cobot_joint.diagnosis.candidates.formulas import Dictionary
+from cobot_joint.diagnosis.candidates.tables import arguments
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
+from cobot_joint.diagnosis.estimation.problem import Noise, Problem, Run
+from cobot_joint.diagnosis.plant.correction import Product, parse
+from cobot_joint.diagnosis.plant.plant import Port
+from tests.orchestrator.diagnosis.axis import NOISE, Axis, campaign
+from tests.orchestrator.diagnosis.bench import calibrated
+
+
+class Renamed(Axis):
+    """The axis of somebody who writes in another language."""
+
+    ports = (Port("axis.M_zu", "N.m", ("axis.Winkel", "axis.M", "axis.Drehzahl"), ("axis.Winkel",), loads=("axis.M",)),)
+
+    def simulate(self, values, recording, *, onsets=None, added=None, signals=()):  # type: ignore[no-untyped-def]
+        found = super().simulate(values, recording, onsets=onsets)
+        own = {"axis.Winkel": found["axis.phi"], "axis.Drehzahl": found["axis.w"], "axis.M": recording.inputs["u"]}
+        return found | own
+
+
+def dictionary() -> Dictionary:
+    problem = Problem(Renamed(), campaign({}).train, {"w": Noise(NOISE)})
+    base = problem.simulate([Run()])[0]
+    assert base is not None
+    start = Fit(Hypothesis(()), np.zeros(0), 0.0, base.white * 0, base, np.zeros((problem.rows, 0)), 0)
+    return Dictionary(problem, start, Renamed.ports[0])
+
+
+def test_a_units_speed_and_loads_are_found_whatever_they_are_called() -> None:
+    found = dictionary()
+    assert found.speeds == {"Winkel": "Drehzahl"}
+    assert found.loads == ["M"]
+    forms = {str(product) for product in found.first([("Winkel", 3.0)])}
+    assert {"1", "M", "M^2", "Drehzahl", "sgn(Drehzahl)", "abs(M)*sgn(Drehzahl)", "sin(3*Winkel)"} <= forms
+    assert "sin(3*Winkel)*sgn(Drehzahl)" in forms
+    assert {a.signal for a in arguments(found, 5)} == {"Drehzahl", "M", "Winkel", "t"}
+
+
+def test_a_form_reads_back_as_what_it_was_made_of_and_has_its_values() -> None:
+    found = dictionary()
+    features = found.first([("Winkel", 3.0)]) | found.more([("Winkel", 2.0)])
+    assert len(features) > 20
+    for product, by_recording in features.items():
+        constant, factors = parse(str(product))
+        assert (constant, str(Product(tuple(factors)))) == (1.0, str(product))
+        for name, values in by_recording.items():
+            local = found.locals[name]
+            names = {**local.signals, "t": local.time, "sgn": lambda x: np.tanh(x / 1e-3)}
+            names |= {f: getattr(np, f) for f in ("sin", "cos", "tanh", "exp", "abs")}
+            expected = eval(str(product).replace("^", "**"), {"__builtins__": {}}, names)
+            assert values == pytest.approx(np.broadcast_to(expected, values.shape), rel=1e-9, abs=1e-12), str(product)
+
+
+def test_the_units_of_the_bench_have_their_speeds_and_loads() -> None:
+    with calibrated({}) as (problem, base):
+        found = {p.component: Dictionary(problem, base, p) for p in problem.plant.ports if p.unit == "N.m"}
+    assert found["motor_bldc"].speeds["phi"] == "w"
+    assert found["planetary_gear"].speeds == {"phi_o": "w_o", "phi": "w"}
+    assert found["mr_brake_belt"].speeds == {"phi_p": "w_p", "phi_b": "w_b"}
+    assert found["motor_bldc"].loads[0] == "i"
+    assert found["planetary_gear"].loads[0] in ("tau_g", "tau")
+    assert all(found[name].loads for name in ("motor_bldc", "planetary_gear", "mr_brake_belt"))
+
+
+def test_tables_are_made_of_hats_that_add_up_to_one() -> None:
+    found = dictionary()
+    for argument in arguments(found, 7):
+        if argument.direction:
+            continue
+        for local in found.locals.values():
+            assert np.sum(argument.hats(local), axis=0) == pytest.approx(1.0)

@@ -1,0 +1,50 @@
+"""The score test predicts what a fit takes, and knows what cannot be told apart."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cobot_joint.diagnosis.candidates.score_test import Scan, scores
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
+from cobot_joint.diagnosis.estimation.least_squares import Precision, fit, fit_added
+from cobot_joint.diagnosis.estimation.port_response import respond
+from cobot_joint.diagnosis.estimation.problem import Noise, Problem
+from cobot_joint.diagnosis.estimation.projection import Projection
+from cobot_joint.diagnosis.selection.stepwise import loss_without
+from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, TERMS, Axis, campaign
+
+WINDAGE = {"axis.windage.c": 2e-7}
+
+
+def refitted() -> tuple[Problem, Fit]:
+    case = campaign(WINDAGE)
+    problem = Problem(Axis(), case.train, {"w": Noise(NOISE)})
+    bounds = {name: t.bounds(NOMINAL[name]) for name, t in case.tolerances.items()}
+    base = fit(problem, Hypothesis(tolerances(problem, bounds)))
+    assert base is not None
+    return problem, base
+
+
+def test_the_predicted_gain_is_about_what_the_fit_takes() -> None:
+    problem, base = refitted()
+    ranked = scores(problem, base, Scan(problem, TERMS).columns(base))
+    assert ranked[0].term.name == "axis.windage"
+    found = fit_added(problem, base, [ranked[0].active], Precision())
+    assert found is not None
+    assert ranked[0].gain == pytest.approx(base.cost - found.cost, rel=0.1)
+    assert loss_without(found, "axis.windage") == pytest.approx(base.cost - found.cost, rel=0.1)
+
+
+def test_a_signal_at_a_port_takes_what_the_term_that_it_imitates_does() -> None:
+    problem, base = refitted()
+    speeds = [o["axis.w"] for o in problem.outputs(base.run)]
+    drag = {r.name: -w * np.abs(w) for r, w in zip(problem.recordings, speeds, strict=True)}
+    (column,) = respond(problem, base, Axis.ports[0], {"drag": drag})
+    gain, (c,) = Projection(base, [column.vector]).gain([0])
+    assert c == pytest.approx(WINDAGE["axis.windage.c"], rel=0.1)
+    windage = next(
+        s for s in scores(problem, base, Scan(problem, TERMS).columns(base)) if s.term.name == "axis.windage"
+    )
+    assert gain == pytest.approx(windage.gain, rel=0.05)

@@ -1,0 +1,76 @@
+"""The whitened residual: what slow structure is left in it, and what was not recorded adds nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cobot_joint.diagnosis.estimation.problem import Noise, Problem, Run
+from tests.orchestrator.diagnosis.axis import NOISE, Axis, campaign
+
+TRUTH = {"axis.d": 1.9e-3}
+
+
+def with_gap(share: float, seed: int = 1) -> Problem:
+    """Healthy runs whose channel was not recorded for this share of the time."""
+    case = campaign(TRUTH, seed=seed)
+    for recording in case.recordings:
+        y = recording.outputs["w"]
+        y[: int(share * len(y))] = np.nan
+    return Problem(Axis(), case.train, {"w": Noise(NOISE)})
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
+def test_a_gap_adds_nothing_to_the_excess(share: float) -> None:
+    left = []
+    for seed in range(1, 6):
+        problem = with_gap(share, seed)
+        residual = problem.recorded - problem.whiten([Axis().simulate(TRUTH, r) for r in problem.recordings])
+        assert abs(problem.excess(residual)) < 4 * problem.excess_scatter
+        assert not problem.unexplained(residual)
+        left.append(problem.excess(residual) / problem.excess_scatter)
+    assert abs(np.mean(left)) < 3 / np.sqrt(len(left))
+
+
+def test_the_excess_is_that_of_its_blocks_and_sees_slow_structure() -> None:
+    problem = with_gap(0.3)
+    residual = np.random.default_rng(2).standard_normal(problem.rows) + 0.5
+    residual *= np.concatenate([b.weight for b in problem.blocks])
+    by_block = problem.excess_by_block(residual)
+    assert problem.excess(residual) == pytest.approx(sum(part.sum() for part in by_block))
+    # a mean of 0.5 gives 16 samples a chi-square of 16 * 0.25 above their expectation
+    assert problem.excess(residual) == pytest.approx(4 * problem.samples / 16, rel=0.15)
+    assert problem.unexplained(residual)
+
+
+def test_signals_at_one_port_add_up() -> None:
+    a, b = np.ones(3), np.array([0.0, 1.0, 2.0])
+    run = Run().with_signals("axis.tau_add", {"run0": a}).with_signals("axis.tau_add", {"run0": b, "run1": b})
+    assert run.added["run0"]["axis.tau_add"] == pytest.approx(a + b)
+    assert run.added["run1"]["axis.tau_add"] == pytest.approx(b)
+
+
+def test_noise_is_drawn_with_its_sigma_its_correlation_and_the_converters_steps() -> None:
+    noise = Noise(5e-3, 0.8, 1e-3)
+    y = noise.on(np.zeros(50_000), np.random.default_rng(2))
+    assert np.std(y) == pytest.approx(5e-3, rel=0.05)
+    assert np.mean(y[1:] * y[:-1]) / np.var(y) == pytest.approx(0.8, abs=0.03)
+    assert np.allclose(np.mod(y / 1e-3 + 0.5, 1), 0.5)
+
+
+def test_a_run_that_touches_nothing_of_a_recording_is_not_simulated_there() -> None:
+    class Elsewhere(Axis):
+        def has(self, name: str, recording) -> bool:  # type: ignore[no-untyped-def]
+            return recording.name == "run0" or not name.startswith("sensor")
+
+    case = campaign(TRUTH)
+    problem = Problem(Elsewhere(), case.train, {"w": Noise(NOISE)})
+    base = problem.simulate([Run(TRUTH)])[0]
+    before = problem.runs
+    found = problem.simulate([replace(Run({**TRUTH, "sensor.offset.y_0": 1.0}), touches=("sensor",))], base)[0]
+    assert problem.runs - before == 1
+    assert base is not None
+    assert found is not None
+    assert found.outputs[1] is base.outputs[1]

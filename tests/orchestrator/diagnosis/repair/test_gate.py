@@ -1,0 +1,63 @@
+"""A repair that does not predict is withheld, and no negative percentage is ever said."""
+
+from __future__ import annotations
+
+import pytest
+
+from cobot_joint.diagnosis.findings import Diagnosis, Finding
+from cobot_joint.diagnosis.repair.gate import calibration_misleads, judged, removed
+from cobot_joint.diagnosis.report.report import verdict_sentence
+from cobot_joint.diagnosis.run import judge
+
+WHERE = {"recording": "a", "channel": "w", "time": [0.0, 1.0], "by_recording": {"a": 1.0}, "by_regime": []}
+
+
+def channels(nominal: float, calibrated: float, repaired: float, train: float = 1.0) -> dict:
+    fitted = {"nominal": 5.0, "calibrated": 2.0, "repaired": train}
+    return {"w": {"noise": 1.0, "train": fitted,
+                  "holdout": {"nominal": nominal, "calibrated": calibrated, "repaired": repaired}}}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("figures", "verdict"),
+    [
+        (channels(5.0, 2.0, 1.0), "offered"),
+        (channels(5.0, 2.0, 2.2), "withheld"),  # worse than calibrated
+        (channels(1.5, 4.0, 2.0), "withheld"),  # better than calibrated, worse than as specified
+        (channels(5.0, 2.0, 1.0, train=3.0), "withheld"),  # does not even fit
+        ({"w": {"noise": 1.0, "train": {"nominal": 5.0, "calibrated": 2.0, "repaired": 1.0}}}, "offered"),
+    ],
+)
+def test_a_repair_is_offered_only_where_it_predicts_better_than_nominal_and_calibrated(
+    figures: dict, verdict: str
+) -> None:
+    assert judged(figures) == verdict
+
+
+def test_anchored_predictions_decide_where_there_are_some() -> None:
+    free = channels(1.5, 4.0, 6.0)  # a free run that lost its angles
+    free["w"]["holdout"]["predicted"] = {"horizon": 0.2, "nominal": 3.0, "calibrated": 2.0, "repaired": 1.0}
+    assert judged(free) == "offered"
+
+
+def test_a_withheld_repair_is_undecided_without_a_percentage_or_a_claim() -> None:
+    finding = Finding("axis.stribeck", (), 0.95, None, {}, dict(WHERE), 1e6)
+    diagnosis = Diagnosis("explained", [finding], {}, {}, channels=channels(0.5, 0.6, 15.0))
+    judge(diagnosis)
+    assert (diagnosis.verdict, diagnosis.repair) == ("undecided", "withheld")
+    assert diagnosis.findings[0].confidence < 0.5
+    sentence = verdict_sentence(diagnosis.to_json(), {})
+    assert sentence.startswith("Undecided")
+    assert "%" not in sentence
+
+
+def test_what_a_repair_removes_is_counted_against_the_better_of_nominal_and_calibrated() -> None:
+    found = removed(channels(2.0, 4.0, 1.0))
+    assert found is not None
+    assert found == (pytest.approx(1.0), "holdout")
+    assert removed(channels(2.0, 4.0, 3.0)) is None
+
+
+def test_a_calibration_that_predicts_worse_than_the_data_sheet_is_said_to() -> None:
+    assert calibration_misleads(channels(2.0, 4.0, 1.0))
+    assert not calibration_misleads(channels(4.0, 2.0, 1.0))

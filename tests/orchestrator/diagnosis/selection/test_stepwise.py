@@ -1,0 +1,77 @@
+"""Which terms stay: the true one before its rivals, none that a later one made needless, none that is a patch."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cobot_joint.diagnosis.candidates.score_test import Scan, scores
+from cobot_joint.diagnosis.data.campaign import Campaign
+from cobot_joint.diagnosis.estimation.effects import ActiveTerm
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
+from cobot_joint.diagnosis.estimation.least_squares import Precision, fit, fit_added
+from cobot_joint.diagnosis.estimation.problem import Noise, Problem
+from cobot_joint.diagnosis.selection.competition import Competition
+from cobot_joint.diagnosis.selection.stepwise import Selected, Selection, Selector, prune, share
+from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, TERMS, Axis, campaign
+
+COGGING, ASYMMETRY = (next(t for t in TERMS if t.name == name) for name in ("axis.cogging", "axis.asymmetry"))
+TRUE = {"axis.cogging.A": 6e-3, "axis.cogging.n": 5.0, "axis.cogging.phi_0": 0.4}
+
+
+def refitted(case: Campaign) -> tuple[Problem, Fit]:
+    problem = Problem(Axis(), case.train, {"w": Noise(NOISE)})
+    bounds = {name: t.bounds(NOMINAL[name]) for name, t in case.tolerances.items()}
+    base = fit(problem, Hypothesis(tolerances(problem, bounds)))
+    assert base is not None
+    return problem, base
+
+
+def test_of_candidates_the_one_that_fits_best_comes_first_and_none_that_does_not_help() -> None:
+    problem, base = refitted(campaign({"axis.windage.c": 4e-5}))
+    ranked = scores(problem, base, Scan(problem, TERMS).columns(base))
+    fits = Competition(problem).fits(base, ranked, 10.0)
+    assert next(iter(fits)) == "axis.windage"
+    costs = [f.cost for f in fits.values()]
+    assert costs == sorted(costs)
+    assert all(cost < base.cost for cost in costs)
+
+
+def test_an_amplitude_that_a_fit_may_start_from_is_the_multiple_that_fits_best_as_it_is() -> None:
+    problem, _ = refitted(campaign(TRUE))
+    bounds = {name: (value, value * (1 + 1e-9)) for name, value in NOMINAL.items()}  # all else is known
+    known = fit(problem, Hypothesis(tolerances(problem, bounds)))
+    assert known is not None
+    third = ActiveTerm(COGGING, TRUE | {"axis.cogging.A": 2e-3})
+    assert Competition(problem).sized(known, third).values["axis.cogging.A"] == pytest.approx(6e-3)
+
+
+def test_a_term_that_a_later_one_made_needless_goes() -> None:
+    problem, base = refitted(campaign(TRUE))
+    patched = fit_added(problem, base, [ActiveTerm(ASYMMETRY, {"axis.asymmetry.tau_A": 1e-4})], Precision())
+    assert patched is not None
+    both = fit_added(problem, patched, [ActiveTerm(COGGING, TRUE)], Precision())
+    assert both is not None
+    selected = [Selected("axis.asymmetry", 1e3), Selected("axis.cogging", 1e5)]
+    left, kept = Selector(problem, Scan(problem, TERMS), lambda words: None).without_needless(both, selected)
+    assert [s.term for s in kept] == ["axis.cogging"]
+    assert [a.name for a in left.hypothesis.terms] == ["axis.cogging"]
+    assert left.cost - both.cost < 500
+
+
+def test_terms_that_explain_less_than_what_stays_unexplained_are_pruned() -> None:
+    problem, base = refitted(campaign({}))
+    half = replace(base, residual=base.residual + 0.5)
+    left = problem.excess(half.residual)
+    selection = Selection([base, base, half], [Selected("a", 2 * left), Selected("b", 0.5 * left)])
+    assert [s.term for s in prune(problem, selection).selected] == ["a"]
+    assert len(prune(problem, selection).history) == 2
+
+
+def test_a_share_is_never_more_than_all() -> None:
+    assert share(2079297.0, 2079002.0) == "100 %"
+    assert share(0.0, 0.0) == "0 %"
+    assert share(np.float64(63.0), 100.0) == "63 %"

@@ -23,13 +23,6 @@ if TYPE_CHECKING:
 
 # of a campaign: no settings, or taken by content below
 ELSEWHERE = {"title", "path", "setups", "recordings", "notes", "suspicions"}
-    "title",
-    "path",
-    "setups",
-    "recordings",
-    "notes",
-    "suspicions",
-}  # of a campaign: no settings, or taken by content below
 
 
 def of_campaign(campaign: Campaign, systems: Mapping[str, System]) -> dict[str, Any]:

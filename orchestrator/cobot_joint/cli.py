@@ -18,6 +18,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from rich.table import Table as Grid
 
 from cobot_joint.diagnosis import commands as diagnosis
+from cobot_joint.diagnosis import own_bench
 from cobot_joint.errors import UserError, among
 from cobot_joint.files import results_folder, what_is_missing, write_atomically
 from cobot_joint.interrupts import Interrupted, interruptible
@@ -151,6 +152,8 @@ def _progress(name: str) -> Iterator[Any]:
 
 
 diagnosis.register(app)
+for command in (own_bench.inspect, own_bench.new):
+    app.command()(command)
 
 
 def main() -> None:

@@ -21,7 +21,8 @@ from cobot_joint.units import find_fmu, load_unit
 if TYPE_CHECKING:
     from cobot_joint.diagnosis.frequency import Response
 
-ELSEWHERE = {"title", "path", "setups", "recordings", "notes"}  # of a campaign: no settings, or taken by content below
+# of a campaign: no settings, or taken by content below
+ELSEWHERE = {"title", "path", "setups", "recordings", "notes", "suspicions"}
 
 
 def of_campaign(campaign: Campaign, systems: Mapping[str, System]) -> dict[str, Any]:
@@ -30,7 +31,7 @@ def of_campaign(campaign: Campaign, systems: Mapping[str, System]) -> dict[str, 
         "program": program(),
         "systems": {setup: content(system) for setup, system in systems.items()},
         "settings": _fields(campaign, ELSEWHERE),
-        "recordings": [_fields(recording, {"path", "notes"}) for recording in campaign.train],
+        "recordings": [_fields(recording, {"path", "notes", "believed"}) for recording in campaign.train],
     }
 
 

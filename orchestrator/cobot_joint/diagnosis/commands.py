@@ -59,6 +59,7 @@ def diagnose(
 
     Called again after an interruption, it goes on from what it finished.
     """
+    from cobot_joint.diagnosis.checks.plausibility import plausible
     from cobot_joint.diagnosis.data.campaign import load_campaign
     from cobot_joint.diagnosis.frequency import is_response
     from cobot_joint.diagnosis.run import diagnose_campaign
@@ -70,6 +71,11 @@ def diagnose(
         return
     loaded = load_campaign(campaign)
     folder = results_folder(out or loaded.path.parent / "diagnosis")
+    with resumable(), _stages() as progress:
+        progress("checking the recordings")
+        suspicions = plausible(loaded)
+    for suspicion in suspicions:
+        console.print(f"[yellow]{escape(str(suspicion))}[/yellow]", soft_wrap=True)
     with resumable(), _stages() as progress:
         result = diagnose_campaign(loaded, folder, baseline=baseline, progress=progress)
     for recording in loaded.recordings:

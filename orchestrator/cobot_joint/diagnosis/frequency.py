@@ -127,7 +127,7 @@ def load_response(path: Path) -> Response:
     for key, name, ends in (("input", experiment.input, system.inputs), ("output", experiment.output, system.outputs)):
         if name not in ends:
             raise UserError(f"{path}: frequency_response.{key}: {name!r} is given, {among(ends)} is allowed")
-    table = path.parent / given.recording[0].file
+    table = path.parent / given.recording[0].patterns[0]
     omega, amplitude = read_amplitudes(table)
     recording = Recording(
         table.stem, "train", "default", omega, {}, {CHANNEL: np.log(amplitude)}, {CHANNEL: "1"}, path=table

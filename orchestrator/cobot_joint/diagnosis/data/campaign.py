@@ -7,18 +7,24 @@ import re
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from cobot_joint import paths
 from cobot_joint.diagnosis.data.check import check
+from cobot_joint.diagnosis.data.delimited import Layout
+from cobot_joint.diagnosis.data.formats import nearest
 from cobot_joint.diagnosis.data.parameters import run_values, with_values
-from cobot_joint.diagnosis.data.recording import Connector, Recording, Role, read_recording
+from cobot_joint.diagnosis.data.recording import Column, Connector, Reading, Recording, Role, read_recording
+from cobot_joint.diagnosis.data.tables import read_table
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import System
 from cobot_joint.system.read import load_system
 from cobot_joint.system.wiring import warn_of_unconnected
+
+if TYPE_CHECKING:
+    from cobot_joint.diagnosis.data.suspicion import Suspicion
 
 
 @dataclass(frozen=True)
@@ -64,16 +70,33 @@ class Logged(_Model):
     setups: list[str] | None = None  # where it exists; None: in all
 
 
-First = Annotated[str, Field(pattern=r"^first sample( of .+)?$")]  # of the channel of the same name, or of another
+# "first sample", of the channel of the same name; "first sample of phi * 66", of another, times or over a number
+First = Annotated[str, Field(pattern=r"^first sample( of .+?)?(\s*[*/]\s*[-+.\deE]+)?$")]
+Scale = Annotated[float, Field(allow_inf_nan=False)] | str  # a number, or a quantity: "9.84 mN.m"
+
+
+class ColumnEntry(_Model):
+    """What [channels] says of a column, where a connector's name is not enough: x = sign*scale*column + offset."""
+
+    to: str  # the connector
+    scale: Scale | None = None
+    sign: Literal[1, -1] | None = None
+    offset: Scale = 0.0
+
+    @property
+    def column(self) -> Column:
+        """As a recording is read with it. Whoever gives a scale or sign has looked at it."""
+        looked = self.scale is not None or self.sign is not None
+        return Column(self.to, 1.0 if self.scale is None else self.scale, self.sign or 1, self.offset, looked)
 
 
 Values = dict[str, float | bool | str]  # `component.parameter` -> number, choice or quantity
 
 
 class RecordingEntry(_Model):
-    """One [[recording]] of campaign.toml."""
+    """One [[recording]] of campaign.toml: a file, or several that are read alike."""
 
-    file: str
+    file: str | list[str]  # names or patterns, "runs/*.csv": the files that no other entry names
     setup: str | None = None
     role: Role = "train"
     initial: dict[str, float | First] = Field(default_factory=dict)
@@ -82,6 +105,31 @@ class RecordingEntry(_Model):
     begin: float | None = None  # s on the file's clock: what lies before is left out
     end: float | None = None
     late: dict[str, float] = Field(default_factory=dict)  # column -> s by which its stamps are late
+    without: list[str] = Field(default_factory=list)  # columns or connectors that were not recorded
+    table: Literal["mean", "rows"] | None = None  # steady states: the mean of each file, or each line of a file
+    skip: Annotated[int, Field(ge=0)] | None = None  # of a text file: lines above the names; None: guessed
+    separator: str | None = None
+    encoding: str | None = None
+    decimal: Literal[",", "."] | None = None
+
+    @property
+    def patterns(self) -> list[str]:
+        """`file` as a list."""
+        return [self.file] if isinstance(self.file, str) else self.file
+
+    def reading(self, setup: str, initial: dict[str, float | str]) -> Reading:
+        """How its files become recordings of a set-up. initial: start values that it may say otherwise."""
+        return Reading(
+            role=self.role,
+            setup=setup,
+            initial=initial | self.initial,
+            time=self.time,
+            window=(self.begin, self.end),
+            late=self.late,
+            without=tuple(self.without),
+            layout=Layout(self.skip, self.separator, self.encoding, self.decimal),
+            table=self.table,
+        )
 
 
 class Alternative(_Model):
@@ -109,7 +157,8 @@ class CampaignFile(_Model):
     system: str = "joint"
     setups: dict[str, str] = Field(default_factory=dict)  # set-up -> its .ssd or .ssp
     parameters: Values = Field(default_factory=dict)  # nominal values of this machine, in place of the system's
-    channels: dict[str, str] = Field(default_factory=dict)  # column -> connector
+    channels: dict[str, str | ColumnEntry] = Field(default_factory=dict)  # column -> connector
+    initial: dict[str, float | First] = Field(default_factory=dict)  # of every recording that says nothing else
     tolerances: dict[str, Annotated[Tolerance, BeforeValidator(_tolerance)]] = Field(default_factory=dict)
     logged: dict[str, Logged] = Field(default_factory=dict)
     terms: list[str] = Field(
@@ -134,6 +183,7 @@ class Campaign:
     recordings: list[Recording]
     notes: list[str] = field(default_factory=list)
     terms: list[str] = field(default_factory=list)  # to look at; empty: all
+    suspicions: list[Suspicion] = field(default_factory=list)  # of channels, once `plausible` has looked
     parameters: Values = field(default_factory=dict)  # nominal values of this machine, as given
 
     def systems(self) -> dict[str, System]:
@@ -173,9 +223,11 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
             f"{path}: a frequency response is given, time series are allowed here; cobot-joint diagnose takes both"
         )
     _join_published_holdout(path, given)
-    defaults, setups = _system(path, given)
+    defaults, setups = systems_of(path, given)
     logged = defaults.logged | given.logged
-    channels = given.channels or defaults.channels
+    columns = {n: c.column if isinstance(c, ColumnEntry) else Column(c) for n, c in given.channels.items()}
+    columns = columns or {n: Column(str(c)) for n, c in defaults.channels.items()}
+    channels = {name: column.connector for name, column in columns.items()}
     parameters = defaults.parameters | given.parameters
     campaign = Campaign(
         given.title, path, given.system, setups, channels, defaults.tolerances | given.tolerances, logged, [],
@@ -186,7 +238,7 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
     for system in systems.values():
         warn_of_unconnected(system)
     recordings = campaign.recordings
-    for entry in given.recording:
+    for files, entry in _runs(recording_files(path, given)):
         setup = entry.setup or next(iter(setups))
         if setup not in setups:
             raise UserError(
@@ -194,24 +246,17 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
             )
         if entry.role not in roles:
             continue
-        connectors = _connectors(setups[setup], setup, logged, channels)
-        recordings.append(
-            read_recording(
-                path.parent / entry.file,
-                connectors,
-                channels or {name: name for name in connectors},
-                role=entry.role,
-                setup=setup,
-                initial=entry.initial,
-                time_column=entry.time,
-                window=(entry.begin, entry.end),
-                late=entry.late,
-            )
-        )
-        recordings[-1].initial |= run_values(entry.parameters, systems[setup], f"{path}: recording {entry.file!r}")
-    for recording, entry in zip(recordings, [e for e in given.recording if e.role in roles], strict=True):
+        connectors = connectors_of(setups[setup], setup, logged, channels)
+        reading = entry.reading(setup, given.initial)
+        wired: dict[str, Column | str] = dict(columns or {name: Column(name) for name in connectors})
+        if entry.table:
+            recording = read_table(files, connectors, wired, reading)
+        else:
+            recording = read_recording(files[0], connectors, wired, reading)
+        recording.initial |= run_values(entry.parameters, systems[setup], f"{path}: recording {entry.file!r}")
         if entry.begin is not None or entry.end is not None:  # two windows of one file
             recording.name += f" from {recording.time[0]:.4g} s to {recording.time[-1]:.4g} s"
+        recordings.append(recording)
     names = [r.name for r in recordings]
     for recording in recordings:  # a.csv beside a.parquet
         if names.count(recording.name) > 1 and recording.path:
@@ -219,24 +264,51 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
     return campaign
 
 
+def recording_files(path: Path, given: CampaignFile) -> list[tuple[Path, RecordingEntry]]:
+    """Every file of a campaign with its entry, sorted where a pattern stands for several.
+
+    A pattern leaves out what another entry names; one that fits nothing stands for itself, a file that is not there.
+    """
+    named = {path.parent / name for entry in given.recording for name in entry.patterns if not _is_pattern(name)}
+    found = []
+    for entry in given.recording:
+        for name in entry.patterns:
+            if not _is_pattern(name):
+                found.append((path.parent / name, entry))
+                continue
+            folder = Path(path.parent, *Path(name).parts[:-1])
+            files = sorted(file for file in folder.glob(Path(name).name) if file not in named)
+            found += [(file, entry) for file in files or [folder / Path(name).name]]
+    return found
+
+
+def _runs(found: list[tuple[Path, RecordingEntry]]) -> list[tuple[list[Path], RecordingEntry]]:
+    """One run per file, but one table of all files of an entry that is one."""
+    tables = {id(entry): [f for f, e in found if e is entry] for _, entry in found if entry.table}
+    runs = [([file], entry) for file, entry in found if not entry.table]
+    return runs + [(files, next(e for _, e in found if id(e) == key)) for key, files in tables.items()]
+
+
+def _is_pattern(name: str) -> bool:
+    return any(c in Path(name).name for c in "*?[")
+
+
 def holdouts(path: Path) -> list[Path]:
     """Held-out recordings of a campaign that are there, unread."""
     given = read_campaign_file(path)
     _join_published_holdout(path, given)
-    files = [path.parent / entry.file for entry in given.recording if entry.role == "holdout"]
-    return [file for file in files if file.is_file()]
+    return [file for file, entry in recording_files(path, given) if entry.role == "holdout" and file.is_file()]
 
 
 def missing_recordings(path: Path) -> list[Path]:
     """Recordings that a campaign names and that are not there."""
-    files = [path.parent / entry.file for entry in read_campaign_file(path).recording]
-    return [file for file in files if not file.is_file()]
+    return [file for file, _ in recording_files(path, read_campaign_file(path)) if not file.is_file()]
 
 
 def _join_published_holdout(path: Path, given: CampaignFile) -> None:
     """A sealed case's held-out run is published as holdout.parquet beside a campaign.toml of before."""
     file = "holdout.parquet"
-    if (path.parent / file).is_file() and all(entry.file != file for entry in given.recording):
+    if (path.parent / file).is_file() and all(file not in entry.patterns for entry in given.recording):
         given.recording.append(RecordingEntry(file=file, setup=given.recording[-1].setup, role="holdout"))
 
 
@@ -255,9 +327,11 @@ def read_campaign_file(path: Path) -> CampaignFile:
 def _first(error: ValidationError) -> str:
     """The first finding of pydantic, in one line."""
     finding = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")  # misspelt explains missing
-    where = ".".join(str(part) for part in finding["loc"])
+    if finding["loc"][0] == "channels":  # a name or a table: of the two readings, that which came further
+        finding = max(error.errors(), key=lambda e: (e["loc"][:2] == finding["loc"][:2], len(e["loc"])))
+    where = ".".join(str(part) for part in finding["loc"] if part not in ("ColumnEntry", "str"))
     if finding["type"] == "extra_forbidden":
-        tables = {"recording": RecordingEntry, "logged": Logged, "alternative": Alternative}
+        tables = {"recording": RecordingEntry, "logged": Logged, "alternative": Alternative, "channels": ColumnEntry}
         tables["frequency_response"] = FrequencyExperiment
         parent: Any = tables.get(str(finding["loc"][0]), CampaignFile) if len(finding["loc"]) > 1 else CampaignFile
         return f"{where}: no such key, allowed are {', '.join(parent.model_fields)}"
@@ -267,7 +341,7 @@ def _first(error: ValidationError) -> str:
     return f"{where}: {message}" if "is given" in message else f"{where}: {finding['input']!r} is given; {message}"
 
 
-def _system(path: Path, given: CampaignFile) -> tuple[CampaignFile, dict[str, Path]]:
+def systems_of(path: Path, given: CampaignFile) -> tuple[CampaignFile, dict[str, Path]]:
     """Defaults that come with the system, and set-up -> system file."""
     if given.system.endswith((".ssp", ".ssd")):
         file = path.parent / given.system
@@ -287,20 +361,24 @@ def _system(path: Path, given: CampaignFile) -> tuple[CampaignFile, dict[str, Pa
     return defaults, setups or {"default": single}
 
 
-def _connectors(system: Path, setup: str, logged: dict[str, Logged], channels: dict[str, str]) -> dict[str, Connector]:
+def connectors_of(
+    system: Path, setup: str, logged: dict[str, Logged], channels: dict[str, str] | None = None
+) -> dict[str, Connector]:
     """What recordings of a set-up may belong to: the logger's channels, and connectors that [channels] names."""
     found = {
         name: Connector(name, channel.causality, channel.unit)
         for name, channel in logged.items()
         if channel.setups is None or setup in channel.setups
     }
+    channels = channels or {}
     if set(channels.values()) <= set(logged) and found:
         return found
     offered = system_connectors(system)
     for column, name in channels.items():
         if name not in logged and name not in offered:
             raise UserError(
-                f"[channels] {column!r} = {name!r}: {system.name} has no such connector, it has {among(offered)}"
+                f"[channels] {column!r} = {name!r}: {system.name} has no such connector, it has "
+                f"{among(offered)}{nearest(name, offered)}"
             )
     wanted = set(channels.values()) - set(logged)
     return found | {name: connector for name, connector in offered.items() if not channels or name in wanted}

@@ -35,6 +35,8 @@ def check(where: str, given: CampaignFile, systems: Mapping[str, System], offere
         system = systems.get(entry.setup or next(iter(systems)))
         if system is not None:
             _recording(f"{where}: recording {entry.file!r}", entry, system)
+            for name in given.initial:
+                start_value(f"{where}: [initial] {name!r}", name, system)
 
 
 def _tolerance(where: str, name: str, tolerance: Tolerance, components: Mapping[str, Component]) -> None:

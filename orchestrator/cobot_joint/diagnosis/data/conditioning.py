@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -35,9 +36,17 @@ class ChannelQuality:
 
 def condition(campaign: Campaign) -> dict[str, ChannelQuality]:
     """Per compared channel, over all recordings of the campaign that have it: the logger is the same in all of them."""
-    return {
-        name: assess(*(r.outputs[name] for r in campaign.recordings if name in r.outputs)) for name in campaign.outputs
-    }
+    return {name: _of_channel(name, [r for r in campaign.recordings if name in r.outputs]) for name in campaign.outputs}
+
+
+def _of_channel(name: str, recordings: Sequence[Recording]) -> ChannelQuality:
+    """Of the runs that have it; where there are only tables, of their rows: the scatter is the noise, and white."""
+    runs = [r for r in recordings if name not in r.scatter]
+    quality = assess(*(r.outputs[name] for r in runs or recordings))
+    if runs:
+        return quality
+    variance = float(np.mean([r.scatter[name] ** 2 for r in recordings]))
+    return replace(quality, noise=float(np.sqrt(variance)), colour=0.0)
 
 
 def assess(*series: NDArray[np.float64]) -> ChannelQuality:

@@ -1,21 +1,27 @@
-"""Recorded files as raw channels: Parquet and CSV by pyarrow, MAT by scipy and mat73, MDF by asammdf."""
+"""Recorded files as raw channels: Parquet by pyarrow, text by `delimited`, MAT by scipy and mat73, MDF by asammdf."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import difflib
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.csv
 import pyarrow.parquet
 from numpy.typing import NDArray
 
-from cobot_joint.diagnosis.data.quantity import convert, split_header
-from cobot_joint.errors import UserError
+from cobot_joint.diagnosis.data.delimited import Layout, read_delimited
+from cobot_joint.diagnosis.data.quantity import convert, is_duration, split_header
+from cobot_joint.errors import UserError, among
 
-TIME_NAMES = ("time", "t", "timestamp", "timestamps", "loop_time")
+TIME_NAMES = ("time", "t", "timestamp", "timestamps", "loop_time", "zeit", "elapsed", "elapsed_time", "t_s", "time_s",
+              "time_ms", "t_ms", "time_us", "t_us")  # fmt: skip
+ROWS = 16  # a matrix of more rows is a picture or a table of its own
 
 
 @dataclass(frozen=True)
@@ -28,64 +34,126 @@ class Channel:
     values: NDArray[np.float64]  # (n,), NaN where the file has no value
 
 
-def read_channels(path: Path, time_column: str | None = None) -> list[Channel]:
-    """All numeric channels of a file, by its suffix.
+@dataclass(frozen=True)
+class Log:
+    """A file: its channels, and what of it is no channel, with the reason."""
 
-    `time_column` names the clock where it is not called one of TIME_NAMES (with or without its unit in brackets).
+    path: Path
+    channels: list[Channel]
+    unusable: dict[str, str] = field(default_factory=dict)  # column -> why
+    clock: str | None = None  # the column that was taken for it
+    first_line: int = 1  # of a text file's data: line of a sample = first_line + index
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def names(self) -> list[str]:
+        """Of every channel."""
+        return [channel.name for channel in self.channels]
+
+    def find(self, wanted: str) -> Channel | None:
+        """The channel of that name, or the only one whose path in the file ends with it. None: there is none.
+
+        UserError: it is there and cannot be used, or is there several times.
+        """
+        for names in ([wanted], [n for n in (*self.names, *self.unusable) if n.endswith((f".{wanted}", f"/{wanted}"))]):
+            for name in names:
+                if name in self.unusable and len(names) == 1:
+                    raise UserError(f"{self.path}: column {name!r} {self.unusable[name]}")
+            found = [channel for channel in self.channels if channel.name in names]
+            if len(names) > 1 and found:
+                raise UserError(f"{self.path}: column {wanted!r} is given, the file has {among(names)}")
+            if found:
+                return found[0]
+        return None
+
+
+@dataclass
+class Raw:
+    """A column before it is known which one is the clock."""
+
+    header: str
+    values: NDArray[np.float64] | str  # or why it is none
+
+    def __post_init__(self) -> None:
+        self.name, self.unit = split_header(self.header)
+
+
+def read_log(path: Path, time: str | None = None, layout: Layout | None = None, *, table: bool = False) -> Log:
+    """A file's numeric channels, by its suffix.
+
+    time: the clock's column, where it has an unusual name; its unit in brackets. table: there is no clock, rows count.
     Raises UserError.
     """
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
+    suffix = path.suffix.lower()
+    if suffix not in READERS:
         raise UserError(f"{path}: suffix {path.suffix!r} is given, one of {', '.join(READERS)} is needed")
     if not path.is_file():
         raise UserError(f"{path}: there is no such file")
     try:
-        channels = reader(path, time_column)
+        log = READERS[suffix](path, time, layout or Layout(), table)
     except UserError:
         raise
+    except ImportError as error:
+        raise UserError(f"{path}: {suffix[1:]} files need {EXTRAS.get(suffix, error.name)}") from error
     except Exception as error:  # each format's library has its own words for a file it cannot read
-        raise UserError(f"{path}: cannot be read as {path.suffix[1:]}: {' '.join(str(error).split())[:200]}") from error
-    if not channels:
-        raise UserError(f"{path}: holds no numeric channel beside the clock")
-    return channels
+        raise UserError(f"{path}: cannot be read as {suffix[1:]}: {' '.join(str(error).split())[:200]}") from error
+    if not log.channels:
+        first = next((f" ({name} {why})" for name, why in log.unusable.items()), "")
+        raise UserError(f"{path}: holds no numeric channel beside the clock{first}")
+    return log
 
 
-def _parquet(path: Path, time_column: str | None) -> list[Channel]:
-    return _columns(path, _arrow(pa.parquet.read_table(path)), time_column)
+def nearest(name: str, names: Iterable[str]) -> str:
+    """`; the nearest is 'w_motor'` for the end of a message, or nothing."""
+    known = {n.lower(): n for n in names}
+    match = difflib.get_close_matches(name.lower(), known, 1, 0.5)
+    return f"; the nearest is {known[match[0]]!r}" if match else ""
 
 
-def _csv(path: Path, time_column: str | None) -> list[Channel]:
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
-        first = file.readline()
-    delimiter = max(",;\t", key=first.count)
-    options = pa.csv.ConvertOptions(decimal_point="," if delimiter == ";" and _decimal_comma(path) else ".")
-    return _columns(
-        path,
-        _arrow(pa.csv.read_csv(path, parse_options=pa.csv.ParseOptions(delimiter=delimiter), convert_options=options)),
-        time_column,
-    )
+def _parquet(path: Path, time: str | None, layout: Layout, table: bool) -> Log:
+    content = pa.parquet.read_table(path)
+    raw = []
+    for header, data, kind in zip(content.column_names, content.columns, content.schema, strict=True):
+        about: dict[bytes, bytes] = {key.lower(): value for key, value in dict(kind.metadata or {}).items()}
+        unit = next((about[key].decode(errors="replace") for key in (b"unit", b"units") if key in about), None)
+        raw.append(Raw(f"{header} [{unit}]" if unit and split_header(header)[1] is None else header, _arrow(data)))
+    return _log(path, raw, time, table)
 
 
-def _decimal_comma(path: Path) -> bool:
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
-        next(file, "")
-        return "," in next(file, "")
+def _text(path: Path, time: str | None, layout: Layout, table: bool) -> Log:
+    content = read_delimited(path, layout)
+    raw = [
+        Raw(header, _arrow(data, content.first_line))
+        for header, data in zip(content.headers, content.columns, strict=True)
+    ]
+    return _log(path, raw, time, table, content.first_line, content.notes)
 
 
-def _arrow(table: pa.Table) -> dict[str, NDArray[np.float64]]:
-    columns: dict[str, NDArray[np.float64]] = {}
-    for header, column in zip(table.column_names, table.columns, strict=True):
-        if pa.types.is_timestamp(column.type):  # an absolute clock: seconds from its first stamp
-            stamps = column.cast(pa.timestamp("ns")).to_numpy()
-            columns[header] = np.where(
-                np.isnat(stamps), np.nan, (stamps - stamps[~np.isnat(stamps)][:1]) / np.timedelta64(1, "s")
-            )
-        elif pa.types.is_boolean(column.type) or pa.types.is_integer(column.type) or pa.types.is_floating(column.type):
-            columns[header] = column.cast(pa.float64()).to_numpy(zero_copy_only=False)
-    return columns
+def _arrow(column: pa.ChunkedArray, first_line: int | None = None) -> NDArray[np.float64] | str:
+    """Numbers, or seconds from the first of absolute time stamps; else why not, with place and value."""
+    kind = column.type
+    if pa.types.is_timestamp(kind) or pa.types.is_date(kind) or pa.types.is_time(kind):
+        stamps = column.cast(pa.time64("ns") if pa.types.is_time(kind) else pa.timestamp("ns")).cast(pa.int64())
+        values = stamps.to_numpy(zero_copy_only=False)
+        known = [v for v in values[:1000] if v == v]
+        whole = np.ma.masked_invalid(values.astype(float)) if values.dtype.kind == "f" else values
+        return np.asarray((whole - (known[0] if known else 0)) * 1e-9, dtype=float)
+    if pa.types.is_boolean(kind) or pa.types.is_integer(kind) or pa.types.is_floating(kind):
+        return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False))
+    if pa.types.is_null(kind):
+        return "has no values"
+    if not (pa.types.is_string(kind) or pa.types.is_large_string(kind)):
+        return f"holds {kind}, numbers are needed"
+    for k, cell in enumerate(column.to_pylist()):
+        try:
+            float(cell or "nan")
+        except ValueError:
+            place = f"sample {k + 1}" if first_line is None else f"line {first_line + k}"
+            return f"holds {str(cell)[:40]!r} in {place}, a number is needed (an empty cell: not recorded)"
+    return "holds text, numbers are needed"
 
 
-def _mat(path: Path, time_column: str | None) -> list[Channel]:
+def _mat(path: Path, time: str | None, layout: Layout, table: bool) -> Log:
     import scipy.io
 
     try:
@@ -94,69 +162,128 @@ def _mat(path: Path, time_column: str | None) -> list[Channel]:
         import mat73
 
         content = mat73.loadmat(str(path))
-    columns: dict[str, NDArray[np.float64]] = {}
-
-    def collect(name: str, value: object) -> None:
-        if isinstance(value, dict):
-            for key, item in value.items():
-                collect(key, item)
-        elif hasattr(value, "_fieldnames"):
-            for key in value._fieldnames:
-                collect(key, getattr(value, key))
-        elif (
-            isinstance(value, np.ndarray)
-            and value.dtype.kind in "biuf"
-            and value.size > 1
-            and max(value.shape) == value.size
-        ):
-            columns[name] = value.astype(float).ravel()
-
-    collect("", {name: value for name, value in content.items() if not name.startswith("__")})
-    return _columns(path, columns, time_column)
+    found = [
+        (name, value) for key, item in content.items() if not key.startswith("__") for name, value in _arrays(key, item)
+    ]
+    lengths = Counter(max(value.shape) for _, value in found)
+    columns = {name: value for name, value in found if value.ndim == 1}
+    clock = _clock_name(path, list(columns), [], time) if not table else None
+    n = len(columns[clock]) if clock else lengths.most_common(1)[0][0] if lengths else 0
+    raw = []
+    for name, value in found:
+        if value.ndim == 1:
+            raw.append(Raw(name, value.astype(float)))
+        elif value.ndim == 2 and n in value.shape and min(value.shape) <= ROWS:
+            rows = value if value.shape[1] == n else value.T
+            raw += [Raw(f"{name}[{k}]", row.astype(float)) for k, row in enumerate(rows)]
+        else:
+            raw.append(Raw(name, f"is an array of {' x '.join(map(str, value.shape))}, its clock has {n} samples"))
+    return _log(path, raw, time, table)
 
 
-def _mdf(path: Path, time_column: str | None) -> list[Channel]:
-    """MDF keeps a clock per group, so channels of one file may run at different rates."""
-    try:
-        import asammdf
-    except ImportError as error:
-        raise UserError(f"{path}: MDF files need asammdf: pip install 'cobot-joint[mdf]'") from error
+def _arrays(name: str, value: object) -> Iterator[tuple[str, NDArray]]:
+    """Numeric arrays of more than one value under their paths: `rec.act_pos`, `runs[1].t`."""
+    if isinstance(value, dict):
+        for key, item in value.items():
+            yield from _arrays(f"{name}.{key}", item)
+    elif hasattr(value, "_fieldnames"):
+        for key in value._fieldnames:
+            yield from _arrays(f"{name}.{key}", getattr(value, key))
+    elif isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype.kind == "O"):
+        for k, item in enumerate(value if isinstance(value, list) else value.ravel()):
+            yield from _arrays(f"{name}[{k}]", item)
+    elif isinstance(value, np.ndarray) and value.dtype.kind in "biuf" and value.size > 1:
+        yield name, value.squeeze()
+
+
+def _mdf(path: Path, time: str | None, layout: Layout, table: bool) -> Log:
+    """MDF keeps a clock per group, so channels may run at different rates; alike names carry the group's."""
+    import asammdf
+
+    channels, unusable = [], {}
     with asammdf.MDF(path) as file:
-        signals = [
-            s for s in file.iter_channels(skip_master=True) if s.samples.ndim == 1 and s.samples.dtype.kind in "biuf"
-        ]
-        channels = []
-        for s in signals:
-            name, unit = split_header(s.name)
-            values = s.samples.astype(float)
-            if s.invalidation_bits is not None:
-                values[np.asarray(s.invalidation_bits, dtype=bool)] = np.nan
-            channels.append(Channel(name, s.unit or unit, s.timestamps.astype(float), values))
-    return channels
+        names = Counter(channel.name for group in list[Any](file.groups) for channel in group.channels)
+        groups: list[Any] = list(file.groups)
+        for k, group in enumerate(groups):
+            label = re.sub(r"\s+", "_", getattr(group.channel_group, "acq_name", "") or f"group{k}")
+            for index, channel in enumerate(group.channels):
+                if index == file.masters_db.get(k):
+                    continue
+                name, unit = split_header(channel.name if names[channel.name] == 1 else f"{label}.{channel.name}")
+                s = file.get(group=k, index=index)
+                if s.samples.ndim != 1 or s.samples.dtype.kind not in "biuf":
+                    unusable[name] = "holds no plain numbers"
+                    continue
+                values = s.samples.astype(float)
+                if s.invalidation_bits is not None:
+                    values[np.asarray(s.invalidation_bits, dtype=bool)] = np.nan
+                channels.append(Channel(name, s.unit or unit, s.timestamps.astype(float), values))
+    return Log(path, channels, unusable)
 
 
-def _columns(path: Path, columns: dict[str, NDArray[np.float64]], time_column: str | None) -> list[Channel]:
-    """Columns that share one clock, as channels."""
-    wanted = (split_header(time_column)[0],) if time_column else TIME_NAMES
-    clocks = [header for name in wanted for header in columns if split_header(header)[0].lower() == name.lower()]
-    if not clocks:
-        raise UserError(
-            f"{path}: no time column; columns are {', '.join(columns)}; "
-            f'a clock is called {" or ".join(wanted)}, or give time = "..."'
-        )
-    stated = split_header(time_column)[1] if time_column else None
-    time, _ = convert(columns[clocks[0]], split_header(clocks[0])[1] or stated, "s", f"{path}: column {clocks[0]!r}")
-    lengths = {header: len(values) for header, values in columns.items() if len(values) != len(time)}
-    if lengths:
-        header, length = next(iter(lengths.items()))
-        raise UserError(f"{path}: {header!r} has {length} samples, its clock {clocks[0]!r} has {len(time)}")
-    return [Channel(*split_header(header), time, values) for header, values in columns.items() if header != clocks[0]]
+def _log(
+    path: Path, raw: list[Raw], time: str | None, table: bool, first_line: int = 1, notes: list[str] | None = None
+) -> Log:
+    """Columns that share one clock, as channels; those that cannot be one, with the reason."""
+    counts = Counter(column.name for column in raw)
+    usable = {c.name: c for c in raw if counts[c.name] == 1 and not isinstance(c.values, str)}
+    unusable = {c.name: c.values for c in raw if isinstance(c.values, str)}
+    unusable |= {name: f"is there {n} times; rename them" for name, n in counts.items() if n > 1}
+    if table:
+        clock, stamps = None, np.arange(max((len(c.values) for c in usable.values()), default=0)) * 1.0
+    else:
+        units = [c.name for c in raw if c.unit and is_duration(c.unit)]
+        clock = _clock_name(path, [c.name for c in raw], units, time)
+        if clock in unusable:
+            raise UserError(f"{path}: the clock {clock!r} {unusable[clock]}")
+        stamps = _seconds(path, usable.pop(clock), time)
+    for name, column in list(usable.items()):
+        if len(column.values) != len(stamps):
+            unusable[name] = f"has {len(column.values)} samples, its clock {clock!r} has {len(stamps)}"
+            del usable[name]
+    channels = [Channel(c.name, c.unit, stamps, c.values) for c in usable.values()]  # type: ignore[arg-type]
+    return Log(path, channels, unusable, clock, first_line, notes or [])
 
 
-READERS: dict[str, Callable[[Path, str | None], list[Channel]]] = {
+def _clock_name(path: Path, names: list[str], durations: list[str], time: str | None) -> str:
+    """The clock's column: as told, by its usual names, or the only one with a unit of time."""
+    if time:
+        wanted = split_header(time)[0]
+        for found in ([n for n in names if n == wanted], [n for n in names if n.lower() == wanted.lower()],
+                      [n for n in names if n.endswith((f".{wanted}", f"/{wanted}"))]):  # fmt: skip
+            if len(found) == 1:
+                return found[0]
+        raise UserError(f"{path}: time = {time!r} is given, columns are {among(names)}{nearest(wanted, names)}")
+    for usual in TIME_NAMES:
+        found = [n for n in names if n.lower().replace(" ", "_") == usual]
+        found = found or [n for n in names if n.lower().endswith((f".{usual}", f"/{usual}"))]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            raise UserError(f'{path}: {among(found)} could be the clock: say which, time = "{found[0]} [s]"')
+    if len(durations) == 1:
+        return durations[0]
+    raise UserError(
+        f"{path}: no time column; columns are {among(names)}; a clock is called {' or '.join(TIME_NAMES[:6])}, "
+        f'or say which it is, time = "{names[0] if names else "NAME"} [s]"'
+    )
+
+
+def _seconds(path: Path, clock: Raw, time: str | None) -> NDArray[np.float64]:
+    stated = split_header(time)[1] if time else None
+    named = re.search(r"_(ms|us|s)$", clock.name)
+    unit = clock.unit or stated or (named[1] if named else None)
+    assert not isinstance(clock.values, str)
+    return np.asarray(convert(clock.values, unit, "s", f"{path}: column {clock.header!r}")[0])
+
+
+READERS: dict[str, Callable[[Path, str | None, Layout, bool], Log]] = {
     ".parquet": _parquet,
-    ".csv": _csv,
+    ".csv": _text,
+    ".txt": _text,
+    ".tsv": _text,
     ".mat": _mat,
     ".mf4": _mdf,
     ".mdf": _mdf,
 }
+EXTRAS = dict.fromkeys((".mf4", ".mdf"), "asammdf: pip install 'cobot-joint[mdf]'")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
@@ -10,14 +11,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.diagnosis.data.formats import Channel, read_channels
-from cobot_joint.diagnosis.data.quantity import convert, split_header
-from cobot_joint.errors import UserError
+from cobot_joint.diagnosis.data.clock import FEWEST, fill, regular_clock, resample
+from cobot_joint.diagnosis.data.delimited import Layout
+from cobot_joint.diagnosis.data.formats import Channel, Log, nearest, read_log
+from cobot_joint.diagnosis.data.quantity import convert, product, split_header
+from cobot_joint.errors import UserError, among
 
 Role = Literal["train", "holdout"]
-GAP = 2.5  # steps between two samples above which what lies between counts as not recorded
-ROUNDED = 0.01  # steps by which the stamps of a regular clock may be off, by rounding
-JITTER = 1e-3  # steps by which a stamp may miss the regular clock before its samples are interpolated onto it
+ROWS = 4  # of a table, of which anything can be said
+LARGEST = 1e15  # in any unit of a column; beyond it lie markers for "no value"
 
 
 @dataclass(frozen=True)
@@ -46,8 +48,10 @@ class Recording:
     units: dict[str, str]
     initial: dict[str, float] = field(default_factory=dict)
     columns: dict[str, str] = field(default_factory=dict)  # connector -> column as recorded
+    believed: set[str] = field(default_factory=set)  # connectors whose factor and sign somebody looked at
     notes: list[str] = field(default_factory=list)
     path: Path | None = None
+    scatter: dict[str, float] = field(default_factory=dict)  # of a table: 1 sigma per output; time is no time then
 
     @property
     def step(self) -> float:
@@ -55,85 +59,178 @@ class Recording:
         return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
 
 
+@dataclass(frozen=True)
+class Column:
+    """What a column of a file belongs to: x = sign*scale*column + offset in the connector's unit."""
+
+    connector: str
+    scale: float | str = 1.0  # "9.84 mN.m": a quantity, times what the column counts
+    sign: Literal[1, -1] = 1
+    offset: float | str = 0.0  # "0.3 V"
+    believed: bool = False  # somebody looked at its factor and sign: what is implausible is theirs
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a file becomes a recording: what a campaign says of it."""
+
+    role: Role = "train"
+    setup: str = "default"
+    initial: Mapping[str, float | str] = field(default_factory=dict)  # variable of the system -> value or first sample
+    time: str | None = None  # the clock's column, where it has an unusual name
+    window: tuple[float | None, float | None] = (None, None)  # what of the file's clock is used, s
+    late: Mapping[str, float] = field(default_factory=dict)  # column -> s by which its stamps are late
+    without: Sequence[str] = ()  # columns or connectors that this file is known to lack
+    layout: Layout = field(default_factory=Layout)
+    table: Literal["mean", "rows"] | None = None  # not a run but steady states: a file, or each of its lines
+
+
 def read_recording(
     path: Path,
     connectors: Mapping[str, Connector],
-    columns: Mapping[str, str],
-    *,
-    role: Role = "train",
-    setup: str = "default",
-    initial: Mapping[str, float | str] | None = None,
-    time_column: str | None = None,
-    window: tuple[float | None, float | None] = (None, None),
-    late: Mapping[str, float] | None = None,
+    columns: Mapping[str, Column | str],
+    reading: Reading = Reading(),
 ) -> Recording:
     """Read a file and put it on one regular clock.
 
-    connectors: those of this set-up's system, by name. columns: column -> connector; a column may carry its unit in
-    brackets, for files that cannot. initial: variable of the system -> value, or "first sample" of the channel of that
-    name, "first sample of NAME" of another. window: what of the file's clock is used, s. late: column -> s by which its
-    stamps are late. Raises UserError.
+    connectors: those of this set-up's system, by name. columns: column -> what it belongs to, or the connector's name;
+    a column may carry its unit in brackets, for files that cannot. Raises UserError.
     """
     notes: list[str] = []
-    units_of_columns = dict(map(split_header, columns))
-    connector_of = {split_header(column)[0]: connector for column, connector in columns.items()}
-    raw: dict[str, Channel] = {}
-    for channel in _windowed(read_channels(path, time_column), window, late):
-        if channel.name not in connector_of:
-            notes.append(f"{channel.name} is not connected to the system and not used")
-        elif connector_of[channel.name] in connectors:
-            raw[connector_of[channel.name]] = channel
-        else:
-            notes.append(
-                f"{channel.name} has no connector {connector_of[channel.name]!r} in set-up {setup!r} and is not used"
-            )
-    time = _regular_clock(path, raw, notes)
+    log = read_log(path, reading.time, reading.layout, table=reading.table == "rows")
+    log = replace(log, channels=_windowed(log, reading.window, reading.late))
+    notes += log.notes
+    wired = {header: c if isinstance(c, Column) else Column(c) for header, c in columns.items()}
+    found = _wanted(log, connectors, wired, reading, notes)
+    raw = {name: channel for name, (channel, _, _) in found.items()}
+    for channel in raw.values():
+        _check_values(log, channel)
+    steady = reading.table is not None
+    fewest = ROWS if reading.table == "rows" else FEWEST
+    time = regular_clock(path, raw, notes, confirmed=steady or reading.time is not None, fewest=fewest)
     inputs, outputs, units = {}, {}, {}
     for name, channel in raw.items():
-        where = f"{path}: column {channel.name!r}"
-        stated = units_of_columns[channel.name]
-        if stated and channel.unit:  # the two must at least convert
-            convert(np.zeros(1), channel.unit, stated, where)
-        values, units[name] = convert(channel.values, channel.unit or stated, connectors[name].unit, where)
-        series = _resample(channel.name, channel.time, values, time, notes)
+        _, header, column = found[name]
+        values, units[name] = _in_unit(path, channel, header, column, connectors[name].unit)
+        series = resample(channel.name, channel.time, values, time, notes)
         if connectors[name].causality == "output":
             outputs[name] = series
         else:
-            inputs[name] = _fill(path, channel.name, time, series, notes)
-    if not outputs:
-        allowed = ", ".join(
-            column for column, name in columns.items() if name in connectors and connectors[name].causality == "output"
-        )
-        raise UserError(
-            f"{path}: none of its columns is an output of the system to compare with; known are {allowed or 'none'}"
-        )
-    for name in sorted(set(connectors) & set(connector_of.values()) - set(raw)):
-        kept = "and stays at its start value" if connectors[name].causality == "input" else "and is not compared"
-        notes.append(f"{name} is not recorded {kept}")
+            inputs[name] = fill(path, channel.name, time, series, notes)
     return Recording(
         name=path.stem,
-        role=role,
-        setup=setup,
+        role=reading.role,
+        setup=reading.setup,
         time=time,
         inputs=inputs,
         outputs=outputs,
         units=units,
-        initial=_initial(path, initial or {}, inputs | outputs),
+        initial=_initial(path, reading.initial, inputs | outputs),
         columns={name: channel.name for name, channel in raw.items()},
-        notes=notes,
+        believed={name for name, (_, _, column) in found.items() if column.believed},
+        notes=_grouped(notes, len(raw)),
         path=path,
     )
 
 
-def _windowed(
-    channels: list[Channel], window: tuple[float | None, float | None], late: Mapping[str, float] | None
-) -> list[Channel]:
+def _grouped(notes: list[str], channels: int) -> list[str]:
+    """What holds of several channels, said once."""
+    names: dict[str, list[str]] = {}
+    for note in notes:
+        name, colon, what = note.partition(": ")
+        names.setdefault(what if colon else note, []).append(name if colon else "")
+    whose = {what: "every channel" if len(n) == channels > 1 else ", ".join(n) for what, n in names.items()}
+    return [f"{whose[what]}: {what}" if whose[what] else what for what in names]
+
+
+def _wanted(
+    log: Log, connectors: Mapping[str, Connector], columns: Mapping[str, Column], reading: Reading, notes: list[str]
+) -> dict[str, tuple[Channel, str, Column]]:
+    """Connector -> its channel, header and column. UserError: two for one, none of an output, a channel is missing."""
+    found: dict[str, tuple[Channel, str, Column]] = {}
+    missing: dict[str, str] = {}
+    for header, column in columns.items():
+        name = split_header(header)[0]
+        channel = log.find(name)
+        if column.connector not in connectors:
+            if channel:
+                notes.append(
+                    f"{name} has no connector {column.connector!r} in set-up {reading.setup!r} and is not used"
+                )
+        elif channel is None:
+            missing.setdefault(column.connector, name)
+        elif column.connector in found:
+            both = f"{found[column.connector][0].name!r} and {channel.name!r}"
+            raise UserError(f"{log.path}: columns {both} are both there for {column.connector!r}, one is allowed")
+        else:
+            found[column.connector] = channel, header, column
+    used = {channel.name for channel, _, _ in found.values()} | {split_header(header)[0] for header in columns}
+    notes += [f"{name} is not connected to the system and not used" for name in log.names if name not in used]
+    for name, header in missing.items():
+        if name in found:
+            continue
+        if not {name, header} & set(reading.without):
+            raise UserError(
+                f"{log.path}: no column {header!r} for {name!r}; the file has {among(log.names)}"
+                f"{nearest(header, [n for n in log.names if n not in used])}; "
+                f'where it was not recorded, say without = ["{header}"] in its [[recording]]'
+            )
+        kept = "and stays at its start value" if connectors[name].causality == "input" else "and is not compared"
+        notes.append(f"{name} is not recorded {kept}")
+    if not any(connectors[name].causality == "output" for name in found):
+        known = among(
+            h for h, c in columns.items() if c.connector in connectors and connectors[c.connector].causality == "output"
+        )
+        raise UserError(
+            f"{log.path}: none of its columns is an output of the system to compare with; known are {known}; "
+            f"the file has {among(log.names)}"
+        )
+    return found
+
+
+def _check_values(log: Log, channel: Channel) -> None:
+    """UserError: a channel holds nothing, or a number that no instrument gives."""
+    wild = np.abs(channel.values) > LARGEST
+    if wild.any():
+        k = int(np.argmax(wild))
+        raise UserError(
+            f"{log.path}: column {channel.name!r} holds {channel.values[k]:g} at {channel.time[k]:g} s, "
+            f"up to {LARGEST:g} is allowed (an empty cell: not recorded)"
+        )
+    if not np.isfinite(channel.values).any():
+        raise UserError(f"{log.path}: column {channel.name!r} has no value in any of its {len(channel.values)} samples")
+
+
+def _in_unit(
+    path: Path, channel: Channel, header: str, column: Column, target: str | None
+) -> tuple[NDArray[np.float64], str]:
+    """sign*scale*column + offset in the connector's unit."""
+    where = f"{path}: column {channel.name!r}"
+    stated = split_header(header)[1]
+    if stated and channel.unit:  # the two must at least convert
+        convert(np.zeros(1), channel.unit, stated, where)
+    unit = channel.unit or stated
+    if isinstance(column.scale, str):
+        values, unit = convert(
+            channel.values, product(unit, column.scale, f"{where}: scale"), target, f"{where}: scale"
+        )
+    else:
+        values, unit = convert(channel.values, unit, target, where)
+        values = values if column.scale == 1 else column.scale * values
+    values = -values if column.sign < 0 else values
+    offset = column.offset
+    if isinstance(offset, str):
+        offset = float(convert(np.ones(1), offset, target or unit, f"{where}: offset")[0][0])
+    return (values + offset if offset else values), unit
+
+
+def _windowed(log: Log, window: tuple[float | None, float | None], late: Mapping[str, float]) -> list[Channel]:
     """Channels with the stamps of late ones put right, cut to the window; those that share a clock go on sharing it."""
-    shifts = dict(late or {})
+    shifts = dict(late)
     begin, end = (-np.inf if window[0] is None else window[0]), (np.inf if window[1] is None else window[1])
     clocks: dict[tuple[int, float], tuple[NDArray[np.float64], NDArray[np.bool_]]] = {}
     found = []
-    for channel in channels:
+    for channel in log.channels:
         shift = shifts.pop(channel.name, 0.0)
         key = (id(channel.time), shift)
         if key not in clocks:
@@ -143,136 +240,11 @@ def _windowed(
         time, inside = clocks[key]
         found.append(replace(channel, time=time, values=channel.values[inside]))
     if shifts:
-        known = ", ".join(channel.name for channel in channels)
-        raise UserError(f"late: column {next(iter(shifts))!r} is given, {known} are there")
+        raise UserError(f"{log.path}: late: column {next(iter(shifts))!r} is given, {among(log.names)} are there")
     return found
 
 
-def _regular_clock(path: Path, raw: dict[str, Channel], notes: list[str]) -> NDArray[np.float64]:
-    """The fastest channel's median step, over the time that all channels share.
-
-    Puts each channel's own clock in order first.
-    """
-    if not raw:
-        raise UserError(f"{path}: none of its columns belongs to the system")
-    clocks = {id(channel.time): channel for channel in reversed(raw.values())}
-    ordered = {}
-    for key, channel in clocks.items():
-        whose = "the clock" if len(clocks) == 1 else f"the clock of {channel.name}"
-        ordered[key] = _in_order(path, whose, channel.time, notes)
-    for name, channel in list(raw.items()):
-        keep = ordered[id(channel.time)]
-        raw[name] = Channel(channel.name, channel.unit, channel.time[keep], channel.values[keep])
-    times = list({id(c.time): c.time for c in raw.values()}.values())
-    if min(map(len, times)) < 3:
-        raise UserError(f"{path}: {min(map(len, times))} usable samples are given, 3 at least are needed")
-    step = min(_step(t) for t in times)
-    start, stop = max(t[0] for t in times), min(t[-1] for t in times)
-    if stop - start < 2 * step:
-        raise UserError(
-            f"{path}: its channels share {max(stop - start, 0.0):g} s, 2 steps of {step:g} s at least are needed"
-        )
-    return np.asarray(start + step * np.arange(int(np.floor((stop - start) / step + 1e-6)) + 1))
-
-
-def _step(time: NDArray[np.float64]) -> float:
-    """The mean of a clock that is regular up to the rounding of its stamps, else the median: gaps do not count."""
-    mean = (time[-1] - time[0]) / (len(time) - 1)
-    regular = np.abs(time - time[0] - mean * np.arange(len(time))).max() < ROUNDED * mean
-    return _nice(float(mean if regular else np.median(np.diff(time))))
-
-
-def _nice(step: float) -> float:
-    """Differences carry rounding, 0.0009999999999994: the nearest number of four digits, if it is that."""
-    rounded = float(f"{step:.4g}")
-    return rounded if abs(rounded - step) < 1e-6 * step else step
-
-
-def _in_order(path: Path, whose: str, time: NDArray[np.float64], notes: list[str]) -> NDArray[np.intp]:
-    """Indices of samples whose stamps ascend: unreadable and repeated ones dropped, strays sorted, restarts cut."""
-    keep = np.flatnonzero(np.isfinite(time))
-    if len(keep) < len(time):
-        notes.append(f"{whose} has {len(time) - len(keep)} unreadable time stamps, dropped")
-    back = np.flatnonzero(np.diff(time[keep]) < 0)
-    if len(back):
-        order = keep[np.argsort(time[keep], kind="stable")]
-        moved = int(np.max(np.abs(np.argsort(order, kind="stable") - np.arange(len(order)))))
-        if moved <= max(10, len(keep) // 1000):
-            notes.append(f"{whose} runs backward {len(back)} times, by at most {moved} samples, sorted")
-            keep = order
-        else:  # the clock restarts: two runs in one file cannot be told to be one
-            pieces = np.split(keep, back + 1)
-            longest = max(pieces, key=len)
-            notes.append(
-                f"{whose} restarts {len(back)} times (first at {time[keep[back[0]]]:g} s); the longest piece is used, "
-                f"{time[longest[0]]:g} to {time[longest[-1]]:g} s, "
-                f"and {len(keep) - len(longest)} of {len(keep)} samples are not"
-            )
-            keep = longest
-    fresh = np.concatenate([[True], np.diff(time[keep]) > 0]) if len(keep) else np.zeros(0, dtype=bool)
-    if not fresh.all():
-        notes.append(f"{whose} repeats {int((~fresh).sum())} time stamps, the first sample of each is used")
-    return keep[fresh]
-
-
-def _resample(
-    name: str, time: NDArray[np.float64], values: NDArray[np.float64], clock: NDArray[np.float64], notes: list[str]
-) -> NDArray[np.float64]:
-    """Values on the regular clock, linear in between; NaN where the recording has a gap or no value."""
-    step = clock[1] - clock[0]
-    valid = np.isfinite(values)
-    if not valid.any():
-        notes.append(f"{name} has no values")
-        return np.full(len(clock), np.nan)
-    if not valid.all():
-        notes.append(f"{name} has no value in {int((~valid).sum())} of {len(values)} samples, left out")
-    t, x = time[valid], values[valid]
-    inside = np.clip(np.searchsorted(t, clock, side="right") - 1, 0, max(len(t) - 2, 0))
-    nearest = np.where(
-        np.abs(t[inside] - clock) <= np.abs(t[np.minimum(inside + 1, len(t) - 1)] - clock),
-        inside,
-        np.minimum(inside + 1, len(t) - 1),
-    )
-    miss = np.abs(t[nearest] - clock)
-    own = float(np.median(np.diff(t))) if len(t) > 1 else step
-    between = np.interp(clock, t, x)
-    series = np.where(miss <= JITTER * step, x[nearest], between)
-    # a gap: further apart than the channel's own steps, and not a sample of the channel itself
-    width = np.diff(t)[inside] if len(t) > 1 else np.zeros(len(clock))
-    lost = (
-        (miss > JITTER * step) & (width > GAP * max(own, step))
-        | (clock < t[0] - JITTER * step)
-        | (clock > t[-1] + JITTER * step)
-    )
-    moved = (miss > JITTER * step) & ~lost
-    if moved.any():
-        notes.append(
-            f"{name}: {int(moved.sum())} of {len(clock)} samples are off the regular clock of {step:g} s "
-            f"(by up to {miss[moved].max():.2g} s), interpolated"
-        )
-    if lost.any():
-        gaps = int(np.sum(np.diff(np.concatenate([[0], lost.astype(int)])) == 1))
-        notes.append(
-            f"{name}: {gaps} gaps, {int(lost.sum())} of {len(clock)} samples, first at {clock[np.argmax(lost)]:g} s"
-        )
-    return np.where(lost, np.nan, series)
-
-
-def _fill(
-    path: Path, name: str, time: NDArray[np.float64], series: NDArray[np.float64], notes: list[str]
-) -> NDArray[np.float64]:
-    """An input must be known throughout: bridged in a straight line where it was not recorded."""
-    lost = ~np.isfinite(series)
-    if lost.mean() > 0.5:
-        raise UserError(
-            f"{path}: input {name!r} is recorded {100 * (1 - lost.mean()):.0f} % of the time, half at least is needed"
-        )
-    if lost.any():
-        notes.append(
-            f"{name} drives the system: {int(lost.sum())} samples that were not recorded are bridged in a straight line"
-        )
-        series = np.interp(time, time[~lost], series[~lost])
-    return series
+FIRST = re.compile(r"first sample(?: of (?P<channel>.+?))?(?:\s*(?P<op>[*/])\s*(?P<factor>[-+.\deE]+))?")
 
 
 def _initial(
@@ -283,11 +255,14 @@ def _initial(
         if isinstance(given, (int, float)):
             values[name] = float(given)
             continue
-        channel = given.removeprefix("first sample").removeprefix(" of ") or name
-        if not given.startswith("first sample") or channel not in series:
+        match = FIRST.fullmatch(given)
+        channel = (match["channel"] or name) if match else ""
+        if not match or channel not in series:
             raise UserError(
                 f"{path}: initial {name!r} = {given!r} is given, "
-                f'a number or "first sample" of one of {", ".join(series)} is needed'
+                f'a number or "first sample" of one of {among(series)} is needed'
             )
-        values[name] = float(series[channel][np.argmax(np.isfinite(series[channel]))])
+        first = float(series[channel][np.argmax(np.isfinite(series[channel]))])
+        factor = float(match["factor"] or 1.0)
+        values[name] = first / factor if match["op"] == "/" else first * factor
     return values

@@ -57,8 +57,8 @@ def test_connectors_are_those_of_the_system_and_of_its_components(axis: Path) ->
     [
         (
             ("[[recording]]", "[[recordings]]"),
-            "recordings: no such key, allowed are title, system, setups, parameters, channels, tolerances, logged, "
-            "terms, frequency_response, alternative, recording",
+            "recordings: no such key, allowed are title, system, setups, parameters, channels, initial, tolerances, "
+            "logged, terms, frequency_response, alternative, recording",
         ),
         (('file = "run.csv"', 'file = "gone.csv"'), "gone.csv: there is no such file"),
         (
@@ -91,8 +91,8 @@ def test_a_campaign_that_is_not_there_is_refused(tmp_path: Path) -> None:
         load_campaign(tmp_path / "campaign.toml")
 
 
-def test_an_open_campaign_reads_without_a_word(shared: Path) -> None:
-    campaign = load_campaign(shared / "recordings/open/case01")
+def test_an_open_campaign_reads_without_a_word(root: Path) -> None:
+    campaign = load_campaign(root / "proof/open/case01")
     assert [(r.name, r.setup, r.role, len(r.time)) for r in campaign.recordings] == [
         ("noload", "no_load", "train", 16001),
         ("load", "loaded", "train", 16001),
@@ -125,6 +125,86 @@ def test_what_the_joint_brings_fits_its_systems() -> None:
     assert len(given.tolerances) == 19
     assert set(given.tolerances) <= parameters
     assert set(given.channels.values()) == set(given.logged)
+
+
+def column(entry: str) -> str:
+    return AXIS.replace('"qm [mm]" = "axis.s"', f'"qm" = {entry}')
+
+
+@pytest.mark.parametrize(
+    ("entry", "first"),
+    [
+        ('{ to = "axis.s", scale = 1e-3 }', 5e-3),
+        ('{ to = "axis.s", scale = "2 mm" }', 10e-3),
+        ('{ to = "axis.s", scale = 1e-3, sign = -1 }', -5e-3),
+        ('{ to = "axis.s", scale = 1e-3, sign = -1, offset = 1.0 }', 0.995),
+        ('{ to = "axis.s", scale = 1e-3, offset = "10 mm" }', 15e-3),
+    ],
+)
+def test_a_column_has_a_scale_a_sign_and_an_offset_of_its_own(
+    tmp_path: Path, axis: Path, entry: str, first: float
+) -> None:
+    (r,) = load_campaign(write(tmp_path, column(entry))).recordings
+    assert r.outputs["axis.s"][0] == pytest.approx(first)
+
+
+def test_a_column_in_percent_of_a_rated_value_is_read_with_that_value_as_its_scale(tmp_path: Path, axis: Path) -> None:
+    entry = '"qm [%]" = { to = "axis.s", scale = "40 mm" }'
+    (r,) = load_campaign(write(tmp_path, AXIS.replace('"qm [mm]" = "axis.s"', entry))).recordings
+    assert r.outputs["axis.s"][0] == pytest.approx(0.05 * 0.04)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (('"qm [mm]"', '"qn [mm]"'), "run.csv: no column 'qn' for 'axis.s'; the file has vir, qm; the nearest is 'qm'"),
+        (('"vir [V]"', '"v_ir [V]"'), "no column 'v_ir' for 'u'; the file has vir, qm; the nearest is 'vir'"),
+        (('"axis.s"\n', '"axis.S"\n'), "it has u, axis.s, axis.F, axis.u; the nearest is 'axis.s'"),
+        (('"qm [mm]" = "axis.s"', '"qm [mm]" = "axis.s"\n"vir" = "axis.s"'), "'vir' are both there for 'axis.s'"),
+        (("qm [mm]", "qm [0 mm]"), "unit '0 mm' is given, its factor has to be positive"),
+        (("qm [mm]", "qm [9**9**9**9]"), "unit '9**9**9**9' is given, an SI spelling"),
+        (('"qm [mm]" = "axis.s"', '"qm" = { to = "axis.s", scale = "2 V" }'), "one that converts to 'm' is needed"),
+        (
+            ('"qm [mm]" = "axis.s"', '"qm" = { to = "axis.s", gain = 2 }'),
+            "no such key, allowed are to, scale, sign, offset",
+        ),
+        (
+            ('"qm [mm]" = "axis.s"', '"qm" = { to = "axis.s", sign = 2 }'),
+            "channels.qm.sign: 2 is given; Input should be 1 or -1",
+        ),
+    ],
+)
+def test_what_would_be_read_wrongly_is_refused_in_one_line(
+    tmp_path: Path, axis: Path, change: tuple[str, str], told: str
+) -> None:
+    with pytest.raises(UserError) as error:
+        load_campaign(write(tmp_path, AXIS.replace(*change)))
+    assert told in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_channel_that_was_not_recorded_is_left_out_where_the_campaign_says_so(tmp_path: Path, axis: Path) -> None:
+    lacking = AXIS.replace("vir [V]", "u_mot [V]").replace('file = "run.csv"', 'file = "run.csv"\nwithout = ["u"]')
+    (r,) = load_campaign(write(tmp_path, lacking)).recordings
+    assert r.inputs == {}
+    assert "u is not recorded and stays at its start value" in r.notes
+
+
+def test_a_pattern_stands_for_the_files_that_no_other_entry_names(tmp_path: Path, axis: Path) -> None:
+    path = write(tmp_path, AXIS.replace('"run.csv"', '"*.csv"') + '[[recording]]\nfile = ["b.csv"]\nrole = "holdout"\n')
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / name).write_text((tmp_path / "run.csv").read_text())
+    campaign = load_campaign(path)
+    assert [(r.name, r.role) for r in campaign.recordings] == [("a", "train"), ("run", "train"), ("b", "holdout")]
+
+
+def test_start_values_of_all_recordings_may_stand_at_the_top_and_have_a_factor(tmp_path: Path, axis: Path) -> None:
+    own = 'initial = { "axis.s" = "first sample" }'
+    top = AXIS.replace("[channels]", '[initial]\n"axis.s" = "first sample * 2"\n[channels]')
+    (r,) = load_campaign(write(tmp_path, top.replace(own, ""))).recordings
+    assert r.initial == {"axis.s": pytest.approx(10e-3)}
+    (r,) = load_campaign(write(tmp_path, top.replace('"first sample" }', '"first sample of axis.s / 5" }'))).recordings
+    assert r.initial == {"axis.s": pytest.approx(1e-3)}
 
 
 def test_a_force_that_nothing_gives_is_warned_of_before_anything_is_read(

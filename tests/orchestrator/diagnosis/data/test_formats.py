@@ -12,7 +12,8 @@ import pytest
 import scipy.io
 
 from cobot_joint.diagnosis.data.campaign import load_campaign
-from cobot_joint.diagnosis.data.formats import read_channels
+from cobot_joint.diagnosis.data.delimited import Layout
+from cobot_joint.diagnosis.data.formats import read_log
 from cobot_joint.errors import UserError
 
 T = np.arange(400) * 1e-3
@@ -21,7 +22,7 @@ V = 3 * T
 
 
 def by_name(path: Path, time: str | None = None) -> dict:
-    return {c.name: c for c in read_channels(path, time)}
+    return {c.name: c for c in read_log(path, time).channels}
 
 
 def test_parquet_written_by_pyarrow_is_read_with_the_units_of_its_headers(tmp_path: Path) -> None:
@@ -60,9 +61,9 @@ def test_csv_with_absolute_time_stamps_counts_seconds_from_the_first(tmp_path: P
 def test_mat_written_by_scipy_is_read_and_its_scalars_left(tmp_path: Path, orientation: str) -> None:
     scipy.io.savemat(tmp_path / "a.mat", {"t": T, "qm": W, "gain": 3.0, "run": {"i_motor": V}}, oned_as=orientation)
     channels = by_name(tmp_path / "a.mat")
-    assert set(channels) == {"qm", "i_motor"}
+    assert set(channels) == {"qm", "run.i_motor"}
     assert np.array_equal(channels["qm"].values, W)
-    assert np.array_equal(channels["i_motor"].values, V)
+    assert np.array_equal(channels["run.i_motor"].values, V)
 
 
 def test_mat_of_version_7_3_is_read(tmp_path: Path) -> None:
@@ -95,7 +96,7 @@ def test_mdf_written_by_asammdf_is_read_with_units_and_a_clock_per_channel(
 @pytest.mark.parametrize(
     ("name", "content", "told"),
     [
-        ("a.xlsx", b"", "suffix '.xlsx' is given, one of .parquet, .csv, .mat, .mf4, .mdf is needed"),
+        ("a.xlsx", b"", "suffix '.xlsx' is given, one of .parquet, .csv, .txt, .tsv, .mat, .mf4, .mdf is needed"),
         ("gone.csv", None, "there is no such file"),
         ("a.parquet", b"not parquet", "cannot be read as parquet"),
         ("a.mat", b"not mat", "cannot be read as mat"),
@@ -111,7 +112,7 @@ def test_a_file_that_cannot_be_used_is_refused_in_one_line_that_names_it(
     if content is not None:
         (tmp_path / name).write_bytes(content)
     with pytest.raises(UserError) as error:
-        read_channels(tmp_path / name)
+        read_log(tmp_path / name)
     assert told in str(error.value)
     assert name in str(error.value)
     assert "\n" not in str(error.value)
@@ -144,3 +145,142 @@ def test_one_run_in_four_formats_is_one_recording(tmp_path: Path) -> None:
         assert other.notes == []
         for name, values in (first.inputs | first.outputs).items():
             assert np.allclose((other.inputs | other.outputs)[name], values, atol=1e-12)
+
+
+EXPORT = """Date:;2020-07-08 21:24:28
+Firmware Version:;0x0120;0x6150;0x0000;0x0000
+Max. samples:;500
+Scale:;0;True;1.000;10.000;-14.000;-6.000
+Scale:;1;True;5.000;29.650;-49.650;-9.650
+Trigger:;1;0.000000;"Parameter values";"Channel 1";"Rising above value"
+;Velocity actual value averaged;Torque actual value averaged
+ms;rpm;%
+0.000;-10;-32.0
+51.200;-10;-32.6
+102.400;-11;-33.3
+"""
+
+
+def test_a_drive_makers_export_is_read_with_its_preamble_names_and_units(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(EXPORT.replace("\n", "\r\n"))
+    channels = by_name(tmp_path / "a.csv")
+    assert [(c.name, c.unit) for c in channels.values()] == [
+        ("Velocity actual value averaged", "rpm"),
+        ("Torque actual value averaged", "%"),
+    ]
+    assert channels["Torque actual value averaged"].values.tolist() == [-32.0, -32.6, -33.3]
+    assert channels["Torque actual value averaged"].time == pytest.approx([0, 0.0512, 0.1024])
+
+
+def test_an_export_that_went_through_a_spreadsheet_is_read_and_what_stands_beside_it_is_said(tmp_path: Path) -> None:
+    lines = [f'"{line}",,'.replace('"Par', '""Par') if ';"' in line else f"{line},," for line in EXPORT.splitlines()]
+    lines[-3] = lines[-3].replace(",,", ",,was -30.1")
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    log = read_log(tmp_path / "a.csv")
+    assert log.channels[1].values.tolist() == [-32.0, -32.6, -33.3]
+    assert log.notes == ["a spreadsheet has put 1 cells beside the log, left out: 'was -30.1'"]
+
+
+ROWS = "\n".join(f"{1e3 * t:.3f};{w:.6f}".replace(".", ",") for t, w in zip(T, W, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("text", "encoding", "layout", "unit"),
+    [
+        ("t [ms];Drehzahl Rührer [U/min]\n" + ROWS, "latin-1", Layout(), "U/min"),
+        ("t [ms];Drehzahl Rührer [U/min]\n" + ROWS, "utf-8-sig", Layout(), "U/min"),
+        ("t [ms];Drehzahl Rührer [U/min]\n" + ROWS, "utf-16", Layout(), "U/min"),
+        ("Prüfstand 3\n\nZeit;Drehzahl Rührer\nms;U/min\n" + ROWS, "latin-1", Layout(), "U/min"),
+        ("# t;Drehzahl Rührer\n[ms];[1/min]\n" + ROWS.replace(";", "; "), "utf-8", Layout(), "1/min"),
+        ("t_ms\tDrehzahl Rührer\n" + ROWS.replace(";", "\t"), "cp1252", Layout(), None),
+        ("t n\nt_ms Drehzahl_Rührer\n" + ROWS.replace(";", "   "), "utf-8", Layout(skip=1, separator="space"), None),
+        ("1;2\n3;4\nt [ms];Drehzahl Rührer\n" + ROWS, "latin-1", Layout(skip=2, encoding="latin-1"), None),
+    ],
+)
+def test_text_is_read_whatever_its_encoding_preamble_and_place_of_units(
+    tmp_path: Path, text: str, encoding: str, layout: Layout, unit: str | None
+) -> None:
+    (tmp_path / "a.csv").write_bytes(text.encode(encoding))
+    (channel,) = read_log(tmp_path / "a.csv", layout=layout).channels
+    assert channel.name.replace("_", " ") == "Drehzahl Rührer"
+    assert channel.unit == unit
+    assert np.allclose(channel.time, T)
+    assert np.allclose(channel.values, W, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("layout", "told"),
+    [
+        (Layout(encoding="klingon"), "encoding 'klingon' is given"),
+        (Layout(encoding="ascii"), "it is not ascii: byte 8 is 0xfc"),
+        (Layout(separator="::"), "separator '::' is given, one character"),
+    ],
+)
+def test_a_layout_that_does_not_fit_is_refused_in_one_line(tmp_path: Path, layout: Layout, told: str) -> None:
+    (tmp_path / "a.csv").write_bytes(("t [ms];Züge\n" + ROWS).encode("latin-1"))
+    with pytest.raises(UserError) as error:
+        read_log(tmp_path / "a.csv", layout=layout)
+    assert told in str(error.value)
+
+
+def test_numbers_with_both_decimal_signs_are_not_guessed(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("t;w\n" + "\n".join(f"{k};{k},5" if k % 2 else f"{k};{k}.5" for k in range(50)))
+    with pytest.raises(UserError, match=r"both 1,5 and 1\.5 occur"):
+        read_log(tmp_path / "a.csv")
+
+
+def test_mat_structs_matrices_and_variables_of_other_lengths_are_read(tmp_path: Path) -> None:
+    matrix = np.stack([W, 2 * W, 3 * W])
+    scipy.io.savemat(
+        tmp_path / "a.mat",
+        {"rec": {"t": T, "act_pos": matrix, "tau": matrix.T}, "poly": np.arange(5.0), "note": "x", "big": np.eye(30)},
+    )
+    log = read_log(tmp_path / "a.mat")
+    assert log.find("rec.act_pos[1]").values == pytest.approx(2 * W)
+    assert log.find("tau[2]").values == pytest.approx(3 * W)
+    assert set(log.unusable) == {"poly", "big"}
+    with pytest.raises(UserError, match=r"column 'poly' has 5 samples, its clock 'rec.t' has 400"):
+        log.find("poly")
+
+
+def test_a_mat_file_with_two_clocks_asks_which(tmp_path: Path) -> None:
+    scipy.io.savemat(tmp_path / "a.mat", {"a": {"t": T, "w": W}, "b": {"t": 2 * T, "w": 2 * W}})
+    with pytest.raises(UserError, match=r'a.t, b.t could be the clock: say which, time = "a.t \[s\]"'):
+        read_log(tmp_path / "a.mat")
+    log = read_log(tmp_path / "a.mat", "b.t [s]")
+    assert log.find("b.w").time[1] == pytest.approx(2e-3)
+    with pytest.raises(UserError, match=r"column 'w' is given, the file has a.w, b.w"):
+        log.find("w")
+
+
+def test_mdf_groups_with_alike_names_keep_their_groups_and_clocks(tmp_path: Path) -> None:
+    asammdf = pytest.importorskip("asammdf", reason="MDF needs the optional extra [mdf]")
+    with asammdf.MDF() as file:
+        for k, name in ((1, "drive"), (4, "bench")):
+            signal = asammdf.Signal(samples=W[::k], timestamps=T[::k], name="speed", unit="rad/s")
+            file.append([signal], acq_name=name)
+        file.save(tmp_path / "a.mf4", overwrite=True)
+    log = read_log(tmp_path / "a.mf4")
+    assert log.names == ["drive.speed", "bench.speed"]
+    assert len(log.find("bench.speed").time) == 100
+    with pytest.raises(UserError, match=r"column 'speed' is given, the file has drive\.speed, bench\.speed"):
+        log.find("speed")
+
+
+def test_parquet_units_may_stand_in_the_metadata_of_its_columns(tmp_path: Path) -> None:
+    fields = [
+        pa.field("time", pa.float64(), metadata={"unit": "ms"}),
+        pa.field("w", pa.float64(), metadata={"Unit": "rpm"}),
+    ]
+    pa.parquet.write_table(pa.table([1e3 * T, W], schema=pa.schema(fields)), tmp_path / "a.parquet")
+    (channel,) = read_log(tmp_path / "a.parquet").channels
+    assert (channel.name, channel.unit) == ("w", "rpm")
+    assert np.allclose(channel.time, T)
+
+
+def test_a_column_that_is_wanted_and_has_a_bad_cell_is_refused_with_line_and_value(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(
+        "t,w,label\n" + "\n".join(f"{t},{'ERR' if k == 7 else k},x" for k, t in enumerate(T))
+    )
+    with pytest.raises(UserError, match="w holds 'ERR' in line 9, a number is needed"):
+        read_log(tmp_path / "a.csv")

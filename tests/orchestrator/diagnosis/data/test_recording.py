@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pyarrow.parquet
 import pytest
 
 from cobot_joint.diagnosis.data.quantity import convert
-from cobot_joint.diagnosis.data.recording import Connector, Recording, read_recording
+from cobot_joint.diagnosis.data.recording import Connector, Reading, Recording, read_recording
 from cobot_joint.errors import UserError
 
 CONNECTORS = {
@@ -22,9 +23,9 @@ T = np.arange(1000) * 1e-3
 SIGNALS = {"v [V]": 2 * T, "w [rad/s]": 100 * np.sin(5 * T), "i [A]": np.cos(5 * T)}
 
 
-def read(tmp_path: Path, time: np.ndarray, signals: dict[str, np.ndarray], **more) -> Recording:
-    pa.parquet.write_table(pa.table({"time [s]": time} | signals), tmp_path / "run.parquet")
-    return read_recording(tmp_path / "run.parquet", CONNECTORS, {"v": "v", "w": "w", "i": "i"}, **more)
+def read(tmp_path: Path, stamps: np.ndarray, signals: dict[str, np.ndarray], **more) -> Recording:
+    pa.parquet.write_table(pa.table({"time [s]": stamps} | signals), tmp_path / "run.parquet")
+    return read_recording(tmp_path / "run.parquet", CONNECTORS, {"v": "v", "w": "w", "i": "i"}, Reading(**more))
 
 
 def test_a_clean_log_passes_untouched_and_without_a_word(tmp_path: Path) -> None:
@@ -69,7 +70,7 @@ def test_a_gap_masks_outputs_bridges_inputs_and_is_said(tmp_path: Path) -> None:
     assert np.isnan(r.outputs["w"][400:450]).all()
     assert np.isfinite(r.outputs["w"]).sum() == 950
     assert np.allclose(r.inputs["v"], SIGNALS["v [V]"], atol=1e-12)
-    assert "w: 1 gaps, 50 of 1000 samples, first at 0.4 s" in r.notes
+    assert "every channel: 1 gaps, 50 of 1000 samples, first at 0.4 s" in r.notes
     assert "v drives the system: 50 samples that were not recorded are bridged in a straight line" in r.notes
 
 
@@ -87,11 +88,11 @@ def test_an_irregular_clock_is_interpolated_onto_a_regular_one_and_said(tmp_path
     r = read(tmp_path, t, {"v [V]": 2 * t, "w [rad/s]": 100 * np.sin(5 * t), "i [A]": np.cos(5 * t)})
     assert np.allclose(np.diff(r.time), r.step)
     assert np.nanmax(np.abs(r.outputs["w"] - 100 * np.sin(5 * r.time))) < 2e-3
-    assert any("w:" in note and "off the regular clock" in note for note in r.notes)
+    assert any(note.startswith("every channel: ") and "off the regular clock" in note for note in r.notes)
 
 
 def test_a_missing_channel_is_said_and_an_unknown_one_too(tmp_path: Path) -> None:
-    r = read(tmp_path, T, {"w [rad/s]": SIGNALS["w [rad/s]"], "oil [K]": T})
+    r = read(tmp_path, T, {"w [rad/s]": SIGNALS["w [rad/s]"], "oil [K]": T}, without=("i", "v"))
     assert "oil is not connected to the system and not used" in r.notes
     assert "i is not recorded and is not compared" in r.notes
     assert "v is not recorded and stays at its start value" in r.notes
@@ -138,7 +139,7 @@ def test_a_log_without_any_output_is_refused(tmp_path: Path) -> None:
     with pytest.raises(
         UserError, match="none of its columns is an output of the system to compare with; known are w, i"
     ):
-        read(tmp_path, T, {"v [V]": SIGNALS["v [V]"]})
+        read(tmp_path, T, {"v [V]": SIGNALS["v [V]"]}, without=("w", "i"))
 
 
 def test_a_window_and_late_stamps_are_put_right(tmp_path: Path) -> None:
@@ -147,13 +148,13 @@ def test_a_window_and_late_stamps_are_put_right(tmp_path: Path) -> None:
     np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="time,u,y", comments="", fmt="%.12g")
     connectors = {"u": Connector("u", "input"), "y": Connector("y", "output")}
     recording = read_recording(
-        tmp_path / "a.csv", connectors, {"u": "u", "y": "y"}, window=(0.2, 0.5), late={"y": 0.02}
+        tmp_path / "a.csv", connectors, {"u": "u", "y": "y"}, Reading(window=(0.2, 0.5), late={"y": 0.02})
     )
     assert recording.time[0] == pytest.approx(0.2)
     assert recording.time[-1] == pytest.approx(0.5)
     np.testing.assert_allclose(recording.outputs["y"], recording.inputs["u"], atol=1e-6)
     with pytest.raises(UserError, match="late: column 'z' is given, u, y are there"):
-        read_recording(tmp_path / "a.csv", connectors, {"u": "u", "y": "y"}, late={"z": 0.02})
+        read_recording(tmp_path / "a.csv", connectors, {"u": "u", "y": "y"}, Reading(late={"z": 0.02}))
 
 
 def test_a_regular_clock_with_rounded_stamps_keeps_its_mean_step(tmp_path: Path) -> None:
@@ -164,3 +165,54 @@ def test_a_regular_clock_with_rounded_stamps_keeps_its_mean_step(tmp_path: Path)
     recording = read_recording(tmp_path / "a.csv", {"y": Connector("y", "output")}, {"y": "y"})
     assert recording.step == pytest.approx(1e-3, rel=1e-7)
     assert len(recording.time) == 20000
+
+
+def log(folder: Path, text: str, columns: dict[str, str] | None = None, **more) -> Recording:
+    (folder / "a.csv").write_text(text)
+    return read_recording(folder / "a.csv", CONNECTORS, columns or {"w": "w"}, Reading(**more))
+
+
+def rows(time: np.ndarray, w: np.ndarray, header: str = "time [s],w [rad/s]") -> str:
+    return "\n".join([header, *(f"{a:.12g},{b:.12g}" for a, b in zip(time, w, strict=True))])
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (rows(T, np.sin(T)).replace("0.5,", "1e12,", 1), "clock jumps from"),
+        (rows(1e3 * T, np.sin(T)), "its clock steps by 1 s and runs for 999 s"),
+        (rows(1e3 * T, np.sin(T)), 'if it counts ms (factor 1000), say time = "NAME [ms]"'),
+        (rows(T, np.sin(T)).replace("0.5,0.4794", "0.5,ERR,4794", 1), "line 502 has 3 cells, 2 are needed: '0.5,ERR"),
+        (rows(T, np.sin(T)).replace("\n0.5,0.47942553860", "\n0.5,ERR"), "w holds 'ERR4' in line 502, a number"),
+        (rows(T, np.sin(T)).replace("\n0.5,", "\n0.5,1e300\n0.5005,"), "column 'w' holds 1e+300 at 0.5 s, up to 1e+15"),
+        (rows(T, np.full(1000, np.nan)), "w has no values"),
+        (rows(T[:3], T[:3]), "3 usable samples are given, 16 at least are needed"),
+        ("time [s],w [rad/s],w [rpm]\n" + "\n".join(f"{t},1,2" for t in T), "w is there 2 times; rename them"),
+        ("time [s],w [rad/s]," + " " * 200_000 + "\n0,1,2\n", "line 1 has 200019 characters"),
+        ("time [s],[w [0 rad/s]]\n0,1\n1,2\n", "one unit in one pair of brackets is allowed"),
+    ],
+)
+def test_a_hostile_log_is_refused_in_one_line_at_once(tmp_path: Path, text: str, told: str) -> None:
+    begun = time.monotonic()
+    with pytest.raises(UserError) as error:
+        log(tmp_path, text)
+    assert told in str(error.value)
+    assert "\n" not in str(error.value)
+    assert len(str(error.value)) < 500
+    assert time.monotonic() - begun < 5
+
+
+def test_a_slow_clock_is_believed_where_the_campaign_names_it_with_its_unit(tmp_path: Path) -> None:
+    assert log(tmp_path, rows(1e3 * T, np.sin(T)), time="time [s]").step == 1.0
+
+
+def test_two_columns_for_one_channel_are_refused(tmp_path: Path) -> None:
+    text = "time [s],n [rpm],w [rad/s]\n" + "\n".join(f"{t},1,2" for t in T)
+    with pytest.raises(UserError, match="columns 'n' and 'w' are both there for 'w', one is allowed"):
+        log(tmp_path, text, {"n": "w", "w": "w"})
+
+
+def test_a_row_that_was_cut_when_the_logger_was_switched_off_is_left_out_and_said(tmp_path: Path) -> None:
+    r = log(tmp_path, rows(T, np.sin(T)) + "\n1.0")
+    assert r.notes[0] == "the last row has 1 cells of 2, left out"
+    assert len(r.time) == 1000

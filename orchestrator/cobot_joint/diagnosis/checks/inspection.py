@@ -1,0 +1,45 @@
+"""What a log holds: its clock, its columns with their ranges and noise, and what looks wrong. No system is needed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from cobot_joint.diagnosis.checks.suspicions import suspicions
+from cobot_joint.diagnosis.data.clock import SLOWEST
+from cobot_joint.diagnosis.data.conditioning import ChannelQuality, assess
+from cobot_joint.diagnosis.data.delimited import Layout
+from cobot_joint.diagnosis.data.formats import Log, read_log
+from cobot_joint.diagnosis.data.recording import LARGEST, Connector, Reading, Recording, read_recording
+from cobot_joint.errors import UserError
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """One log: as it is on its regular clock, every column of it, in the file's own units."""
+
+    log: Log
+    recording: Recording
+    quality: dict[str, ChannelQuality]
+    words: list[str] = field(default_factory=list)  # of the clock, of columns that cannot be used, suspicions
+
+
+def inspect_log(path: Path, time: str | None = None, layout: Layout | None = None) -> Inspection:
+    """Read a log without a system. UserError: it cannot be read."""
+    log = read_log(path, time, layout)
+    usable = [c for c in log.channels if np.isfinite(c.values).any() and np.nanmax(np.abs(c.values)) < LARGEST]
+    if not usable:
+        raise UserError(f"{path}: none of its {len(log.channels)} columns has a value")
+    connectors = {c.name: Connector(c.name, "output", c.unit) for c in usable}
+    # as a campaign that names its clock: a slow one is no error for who only looks
+    reading = Reading(time=time or log.clock, layout=layout or Layout())
+    recording = read_recording(path, connectors, {name: name for name in connectors}, reading)
+    words = [*recording.notes]
+    words += [f"{name} {why}" for name, why in log.unusable.items()]
+    words += [f"{c.name} has no value, or values that no instrument gives" for c in log.channels if c not in usable]
+    if recording.step > SLOWEST:
+        words.append(f"the clock steps by {recording.step:g} s: if it counts ms, say time = '{log.clock} [ms]'")
+    words += [f"{s.channel}: {s.evidence}" for s in suspicions([recording])]
+    return Inspection(log, recording, {n: assess(x) for n, x in recording.outputs.items()}, words)

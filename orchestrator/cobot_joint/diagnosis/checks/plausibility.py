@@ -1,0 +1,36 @@
+"""Checks before anything is fitted: each channel against itself, the other runs and the nominal system, in seconds."""
+
+from __future__ import annotations
+
+from cobot_joint.diagnosis.checks.beside_nominal import beside_nominal
+from cobot_joint.diagnosis.checks.suspicions import suspicions
+from cobot_joint.diagnosis.data.campaign import Campaign
+from cobot_joint.diagnosis.data.suspicion import Suspicion
+from cobot_joint.diagnosis.plant.simulator import Simulator
+from cobot_joint.errors import UserError
+
+RATIO = ".ratio.N"  # how a gear's ratio is named in every unit that has one
+
+
+def plausible(campaign: Campaign) -> list[Suspicion]:
+    """What the training recordings say against their channels; kept in `campaign.suspicions`.
+
+    UserError: a channel is read wrongly for all that can be seen (factor, sign, swapped). Whoever knows better gives
+    the column a scale or a sign in [channels].
+    """
+    systems = campaign.systems()
+    ratios = {
+        f"{c.name}{RATIO}": float(c.parameters.get(RATIO[1:], c.unit.variables[RATIO[1:]].start))
+        for system in systems.values()
+        for c in system.components
+        if RATIO[1:] in c.unit.variables
+    }
+    runs = [r for r in campaign.train if not r.scatter]  # a table has no time to look at
+    found = suspicions(runs)
+    with Simulator(systems) as simulate:
+        found += beside_nominal(runs, simulate, ratios)
+    campaign.suspicions = found
+    for suspicion in found:
+        if suspicion.wrong:
+            raise UserError(f"{campaign.path}: {suspicion}")
+    return found

@@ -1,0 +1,205 @@
+"""What a recording alone says against one of its channels, before anything is fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from cobot_joint.diagnosis.data.conditioning import RAIL, noise_and_colour, quantisation_step
+from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.data.suspicion import Kind, Suspicion
+
+Vector = NDArray[np.float64]
+
+
+def suspicions(recordings: Sequence[Recording]) -> list[Suspicion]:
+    """Of every output of every recording, and of the runs among each other."""
+    found = [s for r in recordings for s in _of_recording(r)]
+    return found + list(_inertias(recordings))
+
+
+def _of_recording(r: Recording) -> Iterator[Suspicion]:
+    moving = False
+    for name, x in r.outputs.items():
+        known = x[np.isfinite(x)]
+        if len(known) < 2:
+            continue
+        rests = r.units.get(name) in RESTING
+        evidence: dict[Kind, str] = {
+            "outlier": outlier(known),
+            "clipped": "" if rests else clipped(known),
+            "frozen": frozen(x, r, name),
+            "held": held(x),
+        }
+        if evidence["clipped"]:
+            evidence["frozen"] = evidence["held"] = ""
+        yield from (Suspicion(r.name, name, kind, words) for kind, words in evidence.items() if words)
+        noise, _ = noise_and_colour(x)
+        moving |= bool(np.std(known) > EXCITED * np.nan_to_num(noise))
+    if not moving:
+        names = ", ".join(r.outputs)
+        yield Suspicion(r.name, names, "not excited", "nothing moves beyond the noise: the run tells nothing")
+
+
+def outlier(x: Vector) -> str:
+    """A few samples far outside of what all others span."""
+    low, high = np.quantile(x, [0.005, 0.995])
+    reach = high - low
+    if reach == 0:
+        return ""
+    far = np.maximum(x - high, low - x) > OUTLIER * reach
+    if not far.any():
+        return ""
+    return f"{int(far.sum())} samples lie far outside, first {x[np.argmax(far)]:.4g} among {low:.4g} to {high:.4g}"
+
+
+def clipped(x: Vector) -> str:
+    """Runs of one value at an extreme, of a channel that is never as still anywhere else."""
+    still = np.concatenate([[False], np.diff(x) == 0])
+    for what, extreme in (("top", x.max()), ("bottom", x.min())):
+        at = x == extreme
+        count = int(sum(length for length in _runs(at) if length >= RAIL))
+        elsewhere = still[~at].mean() if (~at).any() else 1.0
+        if count >= max(CLIPPED * len(x), RAIL) and elsewhere < 0.6 and extreme != 0:
+            return f"clipped at the {what}, {extreme:.4g}: {count} of {len(x)} samples in runs of one value"
+    return ""
+
+
+def frozen(x: Vector, r: Recording, name: str) -> str:
+    """One value for long, of a channel with noise or that has left rest, while other channels move."""
+    if np.nanmax(x) == np.nanmin(x):
+        return f"one value, {np.nanmax(x):.4g}, in the whole recording"
+    same = np.concatenate([[False], np.diff(x) == 0])
+    start, length = _longest(same)
+    if (length + 1) * r.step < FROZEN or length < 4 * RAIL:
+        return ""
+    known = x[np.isfinite(x)]
+    if np.nan_to_num(noise_and_colour(x)[0]) < 0.5 * quantisation_step(known):  # its steps hide the noise
+        return ""
+    noisy = same[~_within(len(x), start, length)].mean() < 0.5
+    if not noisy and x[start] == 0:  # at rest, without noise
+        return ""
+    span = slice(max(start - 1, 0), start + length)
+    moves = {n: y for n, y in (r.outputs | r.inputs).items() if r.units.get(name) not in RESTING or _is_speed(r, n)}
+    for other, y in moves.items():
+        if other != name and _moves(y, span):
+            at = r.time[start] - r.time[0]
+            return f"frozen at {x[start]:.4g} for {length * r.step:.3g} s from {at:.4g} s on, while {other} moves"
+    return ""
+
+
+def _is_speed(r: Recording, name: str) -> bool:
+    return r.units.get(name) in ("rad/s", "m/s") and name in r.outputs
+
+
+def _moves(y: Vector, span: slice) -> bool:
+    part, whole = y[span][np.isfinite(y[span])], y[np.isfinite(y)]
+    return len(part) > 1 and bool(np.ptp(part) > 0.2 * np.ptp(whole) > 0)
+
+
+def held(x: Vector) -> str:
+    """Samples that repeat the one before while the channel moves on by more than its step and noise per sample."""
+    noise, _ = noise_and_colour(x)
+    least = max(2.0 * quantisation_step(x[np.isfinite(x)]), 2.0 * np.nan_to_num(noise))
+    reach = 5
+    if len(x) < 4 * reach:
+        return ""
+    pace = np.abs(x[2 * reach :] - x[: -2 * reach]) / (2 * reach)  # per sample, over ten of them
+    moving = np.flatnonzero(pace > least) + reach
+    if len(moving) < 100:
+        return ""
+    share = float(np.mean(x[moving] == x[moving - 1]))
+    if share <= HELD:
+        return ""
+    return f"{100 * share:.0f} % of its samples repeat the one before while it moves: held, or slower than the clock"
+
+
+def _inertias(recordings: Sequence[Recording]) -> Iterator[Suspicion]:
+    """Runs of one set-up whose torque (or current) per acceleration differs beyond their own scatter."""
+    for setup in dict.fromkeys(r.setup for r in recordings):
+        motions = [m for r in recordings if r.setup == setup and (m := _motion(r)) is not None]
+        efforts = set.intersection(*(set(m.efforts) for m in motions)) if motions else set()
+        if len(motions) < 2 or not efforts:
+            continue
+        # the effort that goes with the acceleration best: a motor's current, the torque at its shaft
+        effort = max(sorted(efforts), key=lambda n: sum(_correlation(m.efforts[n], m.slope) for m in motions))
+        known = [(m.name, *inertia(m, effort)) for m in motions]
+        known = [(name, a, error) for name, a, error in known if a > SURE * error]
+        if len(known) < 2:
+            continue
+        (low, a, sa), (high, b, sb) = min(known, key=lambda k: k[1]), max(known, key=lambda k: k[1])
+        if b - a > INERTIA * (a + b) / 2 and b - a > SURE * float(np.hypot(sa, sb)):
+            evidence = (
+                f"{effort} per acceleration is {a:.3g} in {low} and {b:.3g} in {high} "
+                f"(standard errors {sa:.1g} and {sb:.1g}): the inertia or the load differs by run"
+            )
+            yield Suspicion(f"{low}, {high}", effort, "inertia differs", evidence)
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """One run's speed, smoothed, its slope, and torques or currents beside it: (n,) where all are known."""
+
+    name: str
+    speed: Vector
+    slope: Vector
+    efforts: dict[str, Vector]
+
+
+def _motion(r: Recording) -> _Motion | None:
+    """None: no speed, no effort, or too short."""
+    series = r.inputs | r.outputs
+    speeds = [n for n in r.outputs if r.units.get(n) == "rad/s"]
+    window = 2 * max(2, round(0.005 / r.step)) + 1
+    if not speeds or len(r.time) < 50 * BLOCKS:
+        return None
+    known = np.all([np.isfinite(x) for x in series.values()], axis=0)
+    w = np.where(known, series[speeds[0]], 0.0)
+    speed, slope = (savgol_filter(w, window, 2, deriv=k, delta=r.step)[known] for k in (0, 1))
+    efforts = {n: x[known] for n, x in series.items() if r.units.get(n) in ("N.m", "A") and np.ptp(x[known]) > 0}
+    return _Motion(r.name, speed, slope, efforts) if efforts and np.any(slope) else None
+
+
+def inertia(m: _Motion, effort: str) -> tuple[float, float]:
+    """Effort per acceleration and its standard error: effort = a dw/dt + b w + c sgn(w) + d + other efforts.
+
+    Least squares; the error is a jackknife over blocks, which holds for correlated residuals.
+    """
+    top = np.quantile(np.abs(m.speed), 0.99)
+    others = [x for n, x in m.efforts.items() if n != effort]
+    columns = [m.slope, m.speed, np.tanh(m.speed / (0.01 * top or 1.0)), np.ones_like(m.speed), *others]
+    design = np.column_stack([c / np.sqrt(np.mean(c**2)) for c in columns if np.any(c)])
+    y, pieces = m.efforts[effort], np.array_split(np.arange(len(m.speed)), BLOCKS)
+    kept = [np.concatenate([p for j, p in enumerate(pieces) if j != k]) for k in range(BLOCKS)]
+    left_out = [np.linalg.lstsq(design[keep], y[keep], rcond=None)[0][0] for keep in kept]
+    scale = np.sqrt(np.mean(m.slope**2))
+    return float(np.mean(left_out) / scale), float(np.sqrt((BLOCKS - 1) * np.var(left_out)) / scale)
+
+
+def _correlation(a: Vector, b: Vector) -> float:
+    a, b = a - a.mean(), b - b.mean()
+    return float(abs(a @ b) / np.sqrt((a @ a) * (b @ b))) if np.any(a) and np.any(b) else 0.0
+
+
+def _runs(at: NDArray[np.bool_]) -> NDArray[np.intp]:
+    edges = np.diff(np.concatenate([[0], at.astype(int), [0]]))
+    return np.flatnonzero(edges == -1) - np.flatnonzero(edges == 1)
+
+
+def _longest(at: NDArray[np.bool_]) -> tuple[int, int]:
+    """Start and length of the longest run."""
+    edges = np.diff(np.concatenate([[0], at.astype(int), [0]]))
+    starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    if not len(starts):
+        return 0, 0
+    k = int(np.argmax(stops - starts))
+    return int(starts[k]), int(stops[k] - starts[k])
+
+
+def _within(n: int, start: int, length: int) -> NDArray[np.bool_]:
+    inside = np.zeros(n, dtype=bool)
+    inside[start : start + length] = True
+    return inside

@@ -1,0 +1,163 @@
+"""One regular clock for a recording: stamps in order, gaps and jitter seen, channels put on it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cobot_joint.diagnosis.data.formats import Channel
+from cobot_joint.errors import UserError
+
+GAP = 2.5  # steps between two samples above which what lies between counts as not recorded
+ROUNDED = 0.01  # steps by which the stamps of a regular clock may be off, by rounding
+FEWEST = 16  # samples of which anything can be said
+SPARSEST = 10  # steps per sample above which a clock is not one
+SLOWEST, LONG = 0.5, 3600.0  # s between samples, and in all, beyond which a log is no drive's unless it says so
+JITTER = 1e-3  # steps by which a stamp may miss the regular clock before its samples are interpolated onto it
+
+
+def regular_clock(
+    path: Path, raw: dict[str, Channel], notes: list[str], *, confirmed: bool = False, fewest: int = FEWEST
+) -> NDArray[np.float64]:
+    """The fastest channel's median step, over the time that all channels share.
+
+    Puts each channel's own clock in order first. confirmed: the campaign names the clock and its unit.
+    """
+    clocks = {id(channel.time): channel for channel in reversed(raw.values())}
+    ordered = {}
+    for key, channel in clocks.items():
+        whose = "the clock" if len(clocks) == 1 else f"the clock of {channel.name}"
+        ordered[key] = _in_order(path, whose, channel.time, notes)
+    for name, channel in list(raw.items()):
+        keep = ordered[id(channel.time)]
+        raw[name] = Channel(channel.name, channel.unit, channel.time[keep], channel.values[keep])
+    times = list({id(c.time): c.time for c in raw.values()}.values())
+    if min(map(len, times)) < fewest:
+        raise UserError(f"{path}: {min(map(len, times))} usable samples are given, {fewest} at least are needed")
+    step = min(_step(t) for t in times)
+    start, stop = max(t[0] for t in times), min(t[-1] for t in times)
+    if stop - start < 2 * step:
+        raise UserError(
+            f"{path}: its channels share {max(stop - start, 0.0):g} s, 2 steps of {step:g} s at least are needed"
+        )
+    _check_clock(path, max(times, key=len), step, confirmed)
+    return np.asarray(start + step * np.arange(int(np.floor((stop - start) / step + 1e-6)) + 1))
+
+
+def _check_clock(path: Path, time: NDArray[np.float64], step: float, confirmed: bool) -> None:
+    """UserError: stamps that leave most of the time unrecorded, or a step that is none of a drive's log."""
+    span = time[-1] - time[0]
+    if span / step > SPARSEST * len(time):
+        k = int(np.argmax(np.diff(time)))
+        raise UserError(
+            f"{path}: its clock jumps from {time[k]:g} s to {time[k + 1]:g} s in steps of {step:g} s: {len(time)} "
+            f"samples, {span / step:.3g} steps; leave the stray stamps out, or cut with begin and end"
+        )
+    if (step > SLOWEST or (span > LONG and step > SLOWEST / 10)) and not confirmed:
+        raise UserError(
+            f"{path}: its clock steps by {step:g} s and runs for {span:g} s; a drive's log is faster than "
+            f"{SLOWEST:g} s: "
+            f'if it counts ms (factor 1000), say time = "NAME [ms]"; if it is right, time = "NAME [s]"'
+        )
+
+
+def _step(time: NDArray[np.float64]) -> float:
+    """The mean of a clock that is regular up to the rounding of its stamps, else the median: gaps do not count."""
+    mean = (time[-1] - time[0]) / (len(time) - 1)
+    regular = np.abs(time - time[0] - mean * np.arange(len(time))).max() < ROUNDED * mean
+    return _nice(float(mean if regular else np.median(np.diff(time))))
+
+
+def _nice(step: float) -> float:
+    """Differences carry rounding, 0.0009999999999994: the nearest number of four digits, if it is that."""
+    rounded = float(f"{step:.4g}")
+    return rounded if abs(rounded - step) < 1e-6 * step else step
+
+
+def _in_order(path: Path, whose: str, time: NDArray[np.float64], notes: list[str]) -> NDArray[np.intp]:
+    """Indices of samples whose stamps ascend: unreadable and repeated ones dropped, strays sorted, restarts cut."""
+    keep = np.flatnonzero(np.isfinite(time))
+    if len(keep) < len(time):
+        notes.append(f"{whose} has {len(time) - len(keep)} unreadable time stamps, dropped")
+    back = np.flatnonzero(np.diff(time[keep]) < 0)
+    if len(back):
+        order = keep[np.argsort(time[keep], kind="stable")]
+        moved = int(np.max(np.abs(np.argsort(order, kind="stable") - np.arange(len(order)))))
+        if moved <= max(10, len(keep) // 1000):
+            notes.append(f"{whose} runs backward {len(back)} times, by at most {moved} samples, sorted")
+            keep = order
+        else:  # the clock restarts: two runs in one file cannot be told to be one
+            pieces = np.split(keep, back + 1)
+            longest = max(pieces, key=len)
+            notes.append(
+                f"{whose} restarts {len(back)} times (first at {time[keep[back[0]]]:g} s); the longest piece is used, "
+                f"{time[longest[0]]:g} to {time[longest[-1]]:g} s, "
+                f"and {len(keep) - len(longest)} of {len(keep)} samples are not"
+            )
+            keep = longest
+    fresh = np.concatenate([[True], np.diff(time[keep]) > 0]) if len(keep) else np.zeros(0, dtype=bool)
+    if not fresh.all():
+        notes.append(f"{whose} repeats {int((~fresh).sum())} time stamps, the first sample of each is used")
+    return keep[fresh]
+
+
+def resample(
+    name: str, time: NDArray[np.float64], values: NDArray[np.float64], clock: NDArray[np.float64], notes: list[str]
+) -> NDArray[np.float64]:
+    """Values on the regular clock, linear in between; NaN where the recording has a gap or no value."""
+    step = clock[1] - clock[0]
+    valid = np.isfinite(values)
+    if not valid.any():
+        notes.append(f"{name} has no values")
+        return np.full(len(clock), np.nan)
+    if not valid.all():
+        notes.append(f"{name} has no value in {int((~valid).sum())} of {len(values)} samples, left out")
+    t, x = time[valid], values[valid]
+    inside = np.clip(np.searchsorted(t, clock, side="right") - 1, 0, max(len(t) - 2, 0))
+    nearest = np.where(
+        np.abs(t[inside] - clock) <= np.abs(t[np.minimum(inside + 1, len(t) - 1)] - clock),
+        inside,
+        np.minimum(inside + 1, len(t) - 1),
+    )
+    miss = np.abs(t[nearest] - clock)
+    own = float(np.median(np.diff(t))) if len(t) > 1 else step
+    between = np.interp(clock, t, x)
+    series = np.where(miss <= JITTER * step, x[nearest], between)
+    # a gap: further apart than the channel's own steps, and not a sample of the channel itself
+    width = np.diff(t)[inside] if len(t) > 1 else np.zeros(len(clock))
+    lost = (
+        (miss > JITTER * step) & (width > GAP * max(own, step))
+        | (clock < t[0] - JITTER * step)
+        | (clock > t[-1] + JITTER * step)
+    )
+    moved = (miss > JITTER * step) & ~lost
+    if moved.any():
+        notes.append(
+            f"{name}: {int(moved.sum())} of {len(clock)} samples are off the regular clock of {step:g} s "
+            f"(by up to {miss[moved].max():.2g} s), interpolated"
+        )
+    if lost.any():
+        gaps = int(np.sum(np.diff(np.concatenate([[0], lost.astype(int)])) == 1))
+        notes.append(
+            f"{name}: {gaps} gaps, {int(lost.sum())} of {len(clock)} samples, first at {clock[np.argmax(lost)]:g} s"
+        )
+    return np.where(lost, np.nan, series)
+
+
+def fill(
+    path: Path, name: str, time: NDArray[np.float64], series: NDArray[np.float64], notes: list[str]
+) -> NDArray[np.float64]:
+    """An input must be known throughout: bridged in a straight line where it was not recorded."""
+    lost = ~np.isfinite(series)
+    if lost.mean() > 0.5:
+        raise UserError(
+            f"{path}: input {name!r} is recorded {100 * (1 - lost.mean()):.0f} % of the time, half at least is needed"
+        )
+    if lost.any():
+        notes.append(
+            f"{name} drives the system: {int(lost.sum())} samples that were not recorded are bridged in a straight line"
+        )
+        series = np.interp(time, time[~lost], series[~lost])
+    return series

@@ -1,0 +1,115 @@
+"""A first campaign.toml, ready to run: columns guessed onto connectors, and every guess marked as one."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cobot_joint.diagnosis.data.formats import Channel
+from cobot_joint.diagnosis.data.quantity import convert
+from cobot_joint.diagnosis.data.recording import Connector
+from cobot_joint.errors import UserError
+
+ALIKE = 0.5  # of two names, from which one may stand for the other
+# what people call things, in the words that connectors are named with
+WORDS = {
+    "soll": "command", "set": "command", "target": "command", "goal": "command", "bremse": "brake", "mot": "motor",
+    "speed": "w", "velocity": "w", "drehzahl": "w", "n": "w", "omega": "w", "angle": "phi", "position": "phi",
+    "pos": "phi", "torque": "tau", "moment": "tau", "drehmoment": "tau", "m": "tau", "current": "i", "strom": "i",
+    "voltage": "v", "spannung": "v", "u": "v", "ab": "sensor", "last": "load",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A column for a connector, and why."""
+
+    column: Channel
+    connector: str
+    why: str  # nothing: no guess, it has the connector's name and a unit
+
+
+def guess(channels: Sequence[Channel], connectors: Mapping[str, Connector], logged: Iterable[str] = ()) -> list[Guess]:
+    """The likeliest pairs by unit and name, each column and connector once; logged: connectors that usually are."""
+    usual = set(logged)
+    pairs = []
+    for channel in channels:
+        fitting = [c for c in connectors.values() if _converts(channel.unit, c.unit)]
+        for connector in fitting:
+            likeness = _likeness(channel.name, connector.name)
+            only = channel.unit is not None and len(fitting) == 1
+            if likeness >= ALIKE or only:
+                why = (
+                    "same name"
+                    if likeness == 1
+                    else "by its name"
+                    if likeness >= ALIKE
+                    else "the only one in this unit"
+                )
+                score = likeness + 0.2 * (connector.name in usual) + 0.3 * only + 0.1 * (channel.unit is not None)
+                pairs.append((score, Guess(channel, connector.name, why + ("" if channel.unit else "; no unit given"))))
+    chosen: dict[str, Guess] = {}
+    for _, candidate in sorted(pairs, key=lambda p: -p[0]):
+        if candidate.connector not in chosen and candidate.column not in [g.column for g in chosen.values()]:
+            chosen[candidate.connector] = candidate
+    return [chosen[name] for name in connectors if name in chosen]
+
+
+def _converts(unit: str | None, target: str | None) -> bool:
+    if unit is None or target is None:
+        return True
+    try:
+        convert(np.zeros(1), unit, target, "")
+    except UserError:
+        return False
+    return True
+
+
+def _likeness(column: str, connector: str) -> float:
+    a, b = (" ".join(WORDS.get(w, w) for w in re.findall(r"[a-z]+", name.lower())) for name in (column, connector))
+    return difflib.SequenceMatcher(None, a, b).ratio()
+
+
+def campaign_text(
+    title: str,
+    system: str,
+    files: Sequence[str],
+    guesses: Sequence[Guess],
+    lacking: Sequence[Connector],
+    tolerances: Mapping[str, str] | None = None,
+    given: Mapping[str, str] | None = None,
+) -> str:
+    """campaign.toml with its guesses marked. lacking: what nothing was found for. given: further keys of recordings."""
+    lines = [f"title = {_quoted(title)}", f"system = {_quoted(system)}", ""]
+    lines += ["[channels]   # column -> connector of the system; look at every line that says guess"]
+    for g in guesses:
+        header = g.column.name + (f" [{g.column.unit}]" if g.column.unit else "")
+        lines.append(
+            f"{_quoted(header)} = {_quoted(g.connector)}" + ("" if g.why == "same name" else f"   # guess: {g.why}")
+        )
+    lines += [
+        f'# "COLUMN" = {_quoted(c.name)}   # [{c.unit or "1"}] {c.causality}: no column was found' for c in lacking
+    ]
+    if tolerances:
+        lines += ["", "[tolerances]   # how far a healthy parameter may be off; guess: the data sheet knows better"]
+        lines += [f"{_quoted(name)} = {_quoted(tolerance)}" for name, tolerance in tolerances.items()]
+    for k, file in enumerate(files):
+        role = "holdout" if k == len(files) - 1 > 0 else "train"
+        lines += ["", "[[recording]]", f"file = {_quoted(file)}"]
+        lines += [f"{key} = {_quoted(value)}" for key, value in (given or {}).items()]
+        lines += (
+            [f"role = {_quoted(role)}   # guess: the last is held out, scored and never fitted"]
+            if role != "train"
+            else []
+        )
+        if lacking:
+            lines += [f"without = [{', '.join(_quoted(c.name) for c in lacking)}]   # guess: they were not recorded"]
+    return "\n".join(lines) + "\n"
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

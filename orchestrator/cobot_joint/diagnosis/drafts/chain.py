@@ -1,0 +1,215 @@
+"""A machine as a chain of parts, `motor,gear,sensor,load`, as a System with its data-sheet values to fill in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+
+from lxml import etree
+
+from cobot_joint.diagnosis.data.parameters import with_values
+from cobot_joint.errors import UserError, among
+from cobot_joint.system.model import Component, Connection, Connector, System, Value
+from cobot_joint.system.read import NS
+from cobot_joint.system.write import describe
+from cobot_joint.units import Unit, find_fmu, load_unit
+
+
+@dataclass(frozen=True)
+class Part:
+    """An element of a chain: its unit, its flanges, what its data sheet gives, and what can be fed and logged there.
+
+    A flange is (phi, w, tau). `moves` says which side's motion is the part's own: it gives phi and w there and takes
+    tau; at the other it takes phi and w and gives tau. Two parts that both bring motion need a shaft between.
+    """
+
+    unit: str
+    words: str
+    before: tuple[str, str, str] | None = None  # flange towards what drives it
+    after: tuple[str, str, str] | None = None  # towards what it drives
+    moves: tuple[str, ...] = ()  # of "before", "after": where the motion is its own
+    data_sheet: tuple[str, ...] = ()  # parameters to fill in
+    values: Mapping[str, Value] = field(default_factory=dict)  # that make the unit this part
+    feeds: Mapping[str, tuple[str, str]] = field(default_factory=dict)  # input of the system -> (variable, words)
+    shows: Mapping[str, tuple[str, str]] = field(default_factory=dict)  # output of the system -> (variable, words)
+    fits: Mapping[str, str] = field(default_factory=dict)  # parameter -> how far a healthy part may be off
+
+
+FRICTION = {"friction.tau_C": "30 %", "friction.d": "30 %"}
+BODY = ("body.J", "friction.tau_C", "friction.d", "friction.w_C")
+PARTS: dict[str, Part] = {
+    "motor": Part(
+        "motor_bldc", "brushless or DC motor with its drive", after=("phi", "w", "tau"), moves=("after",),
+        data_sheet=("winding.R", "winding.L", "winding.k", "rotor.J", "friction.tau_C", "friction.d",
+                    "drive.v_max", "drive.i_peak", "drive.w_max"),
+        feeds={"v_command": ("set_value", "set value of the drive")},
+        shows={"i_motor": ("i", "motor current"), "w_motor": ("w", "motor speed")},
+        fits={"winding.R": "5 %", "winding.k": "3 %", "rotor.J": "4 %"} | FRICTION,
+    ),
+    "motion": Part(
+        "driven_load", "the motion as it was recorded, whatever torque that takes", after=("phi", "w", "tau"),
+        moves=("after",), values={"motion.source": 2, "friction.tau_C": 0.0, "friction.d": 0.0},
+        feeds={"w": ("w_imposed", "speed, as it was recorded")},
+    ),
+    "gear": Part(
+        "planetary_gear", "gearhead", before=("phi", "w", "tau"), after=("phi_o", "w_o", "tau_s"), moves=("after",),
+        data_sheet=("ratio.N", "mesh.eta", "mesh.c", "mesh.d_g", "mesh.b", "housing.J_coupled", "output.J_o",
+                    "friction.tau_C", "friction.d"),
+        fits={"mesh.eta": "6 %", "mesh.c": "30 %"} | FRICTION,
+    ),
+    "sensor": Part(
+        "torque_sensor", "torque sensor", before=("phi_o", "w_o", "tau_s"), after=("phi_p", "w_p", "tau_s"),
+        data_sheet=("shaft.c_s", "shaft.d_s", "amplifier.tau_rated"),
+        shows={"tau_sensor": ("tau_reading", "the torque sensor's reading")},
+    ),
+    "shaft": Part(
+        "torque_sensor", "shaft or coupling", before=("phi_o", "w_o", "tau_s"), after=("phi_p", "w_p", "tau_s"),
+        data_sheet=("shaft.c_s", "shaft.d_s"), values={"shaft.c_s": 20.0, "shaft.d_s": 0.01},
+    ),
+    "load": Part(
+        "driven_load", "turning load", before=("phi", "w", "tau"), moves=("before",), data_sheet=BODY,
+        shows={"w_load": ("w", "speed of the load")}, fits={"body.J": "10 %"} | FRICTION,
+    ),
+    "pendulum": Part(
+        "driven_load", "pendulum", before=("phi", "w", "tau"), moves=("before",),
+        values={"gravity.g": 9.80665, "body.m": 0.5, "body.r": 0.1},
+        data_sheet=("body.m", "body.r", *BODY), shows={"phi_load": ("phi", "angle of the pendulum")},
+        fits={"body.m": "5 %"} | FRICTION,
+    ),
+    "screw": Part(
+        "driven_load", "carriage on a screw or belt", before=("phi", "w", "tau"), moves=("before",),
+        values={"body.lead": 8e-4, "body.m": 5.0, "body.J": 1e-5, "friction.w_C": 1.0},
+        data_sheet=("body.lead", "body.m", *BODY), shows={"s": ("s", "displacement of the carriage")},
+        fits={"body.m": "10 %"} | FRICTION,
+    ),
+    "brake": Part(
+        "mr_brake_belt", "belt with a magneto-rheological brake", before=("phi_p", "w_p", "tau_s"), moves=("before",),
+        data_sheet=("pulley.J_p", "belt.r", "belt.c_b", "brake.J_b", "brake.tau_off", "brake.d_off", "brake.k_b"),
+        feeds={"i_brake": ("i_b", "set value of the brake's driver")},
+        fits={"brake.k_b": "5 %", "brake.tau_off": "25 %"},
+    ),
+    "friction": Part(
+        "driven_load", "a drive at constant speeds: speed in, friction torque out", values={"motion.source": 2},
+        data_sheet=("friction.tau_C", "friction.d", "friction.w_C"), feeds={"w": ("w_imposed", "speed")},
+        shows={"tau": ("tau_f", "friction torque")}, fits={"friction.tau_C": "90 %", "friction.d": "90 %"},
+    ),
+}  # fmt: skip
+ALIASES = {  # as data sheets call them
+    "terminal_resistance": "winding.R", "terminal_inductance": "winding.L", "torque_constant": "winding.k",
+    "k_M": "winding.k", "k_t": "winding.k", "rotor_inertia": "rotor.J", "J": "rotor.J", "reduction": "ratio.N",
+    "gear_ratio": "ratio.N", "i": "ratio.N", "efficiency": "mesh.eta", "backlash": "mesh.b", "stiffness": "mesh.c",
+    "rated_torque": "amplifier.tau_rated", "mass": "body.m", "pitch": "body.lead", "coulomb_friction": "friction.tau_C",
+    "viscous_friction": "friction.d",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Chain:
+    """A system, and the parts behind its components."""
+
+    system: System
+    parts: Mapping[str, Part]
+
+
+def chain(names: Sequence[str], name: str = "bench") -> Chain:
+    """Parts by name, wired in that order. UserError: no such part, or two that do not meet."""
+    if unknown := [n for n in names if n not in PARTS]:
+        raise UserError(f"--chain {unknown[0]!r}: there is no such part, allowed are {among(PARTS)}")
+    if len(set(names)) < len(names):
+        raise UserError(f"--chain {','.join(names)}: each part may stand there once")
+    names = _with_shafts(list(names))
+    parts = {n: PARTS[n] for n in names}
+    components = tuple(_component(n, part) for n, part in parts.items())
+    units = {c.name: c.unit for c in components}
+    wires = [wire for a, b in pairwise(names) for wire in _wires(a, b, units)]
+    inputs, outputs = {}, {}
+    for n, part in parts.items():
+        for connector, (variable, words) in part.feeds.items():
+            inputs[connector] = Connector(connector, "input", "Real", units[n].unit_of(variable), words)
+            wires.append(Connection(None, connector, n, variable))
+        for connector, (variable, words) in part.shows.items():
+            outputs[connector] = Connector(connector, "output", "Real", units[n].unit_of(variable), words)
+            wires.append(Connection(n, variable, None, connector))
+    if not outputs:
+        raise UserError(f"--chain {','.join(names)}: nothing of it is logged; add a motor, a sensor or a load")
+    return Chain(System(name, components, tuple(wires), inputs, outputs), parts)
+
+
+def _with_shafts(names: list[str]) -> list[str]:
+    """A shaft between two parts that both bring motion."""
+    whole: list[str] = []
+    for name in names:
+        if whole and "after" in PARTS[whole[-1]].moves and "before" in PARTS[name].moves:
+            if "shaft" in names or "shaft" in whole:
+                raise UserError(f"--chain: {whole[-1]} and {name} both bring motion, put a sensor between them")
+            whole.append("shaft")
+        whole.append(name)
+    return whole
+
+
+def _component(name: str, part: Part) -> Component:
+    unit = load_unit(find_fmu(f"{part.unit}.fmu"))
+    filled = {p: float(unit.variables[p].start or 0.0) for p in part.data_sheet}
+    return Component(name, f"resources/{part.unit}.fmu", unit, {**filled, **part.values})
+
+
+def _wires(a: str, b: str, units: Mapping[str, Unit]) -> list[Connection]:
+    driving, driven = PARTS[a], PARTS[b]
+    if driving.after is None or driven.before is None:
+        raise UserError(f"--chain {a},{b}: {a} has nothing behind it that could drive a {b}" if driving.after is None
+                        else f"--chain {a},{b}: {b} is driven by nothing, it stands first")  # fmt: skip
+    (phi, w, tau), (phi_in, w_in, tau_in) = driving.after, driven.before
+    if "after" in driving.moves:
+        wires = [Connection(a, phi, b, phi_in), Connection(a, w, b, w_in), Connection(b, tau_in, a, tau)]
+    elif "before" in driven.moves:
+        wires = [Connection(b, phi_in, a, phi), Connection(b, w_in, a, w), Connection(a, tau, b, tau_in)]
+    else:
+        raise UserError(f"--chain {a},{b}: neither of them brings motion, put a gear or a load between them")
+    if "J_coupled" in units[a].variables and units[b].variables.get("J_coupled") is not None:
+        wires.append(Connection(b, "J_coupled", a, "J_coupled"))
+    return wires
+
+
+def with_data_sheet(made: Chain, given: Mapping[str, str]) -> Chain:
+    """`motor.R` or `motor.torque_constant` -> "38.5 mN.m/A": values in any unit that converts. UserError: no such."""
+    components = {c.name: c for c in made.system.components}
+    values = {}
+    for key, text in given.items():
+        name, _, wanted = key.partition(".")
+        if name not in components:
+            raise UserError(f"--set {key}: there is no such part, the chain has {among(components)}")
+        values[f"{name}.{_parameter(key, wanted, components[name].unit)}"] = text
+    return replace(made, system=with_values({"": made.system}, values, "--set")[""])
+
+
+def _parameter(key: str, wanted: str, unit: Unit) -> str:
+    """The parameter of that path, data-sheet name, or only one whose path ends so."""
+    real = [n for n, v in unit.variables.items() if v.causality == "parameter" and v.type == "Real"]
+    alias = ALIASES.get(wanted, wanted)
+    found = [n for n in real if n == alias] or [n for n in real if n.endswith(f".{wanted}")]
+    base = [n for n in found if n in {p for part in PARTS.values() for p in part.data_sheet}]
+    found = base or found
+    if len(found) != 1:
+        known = among(found or [n for n in real if n in {p for part in PARTS.values() for p in part.data_sheet}], 20)
+        raise UserError(f"--set {key}: {'which of' if found else 'there is no such parameter, it has'} {known}")
+    return found[0]
+
+
+def write_readable(made: System, parts: Iterable[tuple[str, str]], path: Path) -> Path:
+    """An .ssd with a comment at every component and every value: what it is, and its unit."""
+    root = etree.fromstring(describe(made, {c.name: c.source for c in made.components}))
+    words = dict(parts)
+    for node in root.iter(f"{{{NS['ssd']}}}Component"):
+        component = made.component(node.get("name"))
+        if text := words.get(component.name):
+            node.addprevious(etree.Comment(f" {text} "))
+        for parameter in node.iter(f"{{{NS['ssv']}}}Parameter"):
+            variable = component.unit.variables[parameter.get("name")]
+            unit = component.unit.unit_of(variable.name) or "1"
+            text = f" {variable.description or variable.name} [{unit}] ".replace("--", "-")
+            parameter.addprevious(etree.Comment(text))
+    etree.indent(root)
+    path.write_bytes(etree.tostring(root, pretty_print=True, xml_declaration=True, encoding="UTF-8"))
+    return path

@@ -1,0 +1,183 @@
+"""`cobot-joint inspect` and `new`: from a log, or from nothing, to a first campaign."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from cobot_joint.errors import UserError, among
+from cobot_joint.files import results_folder
+
+if TYPE_CHECKING:
+    from cobot_joint.diagnosis.checks.inspection import Inspection
+    from cobot_joint.diagnosis.data.recording import Connector
+    from cobot_joint.system.model import System
+
+console = Console()
+if not console.is_terminal:
+    console = Console(width=160)
+POINTS = 4000  # of a channel in a picture
+
+
+def inspect(
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Recordings: CSV, Parquet, MAT, MDF.")],
+    system: Annotated[
+        str | None,
+        typer.Option(help="A shipped system by name, or an .ssd or .ssp file: writes a first campaign.toml."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for pictures and campaign.toml.")] = None,
+    time: Annotated[str | None, typer.Option(help="The clock's column and unit: 'loop_time [ms]'.")] = None,
+    skip: Annotated[int | None, typer.Option(min=0, help="Lines above the line of names.")] = None,
+    separator: Annotated[str | None, typer.Option(help="Between cells; 'tab' and 'space' have names.")] = None,
+    encoding: Annotated[str | None, typer.Option(help="Of a text file: utf-8, latin-1.")] = None,
+) -> None:
+    """Look at logs: columns, units, clock, gaps, ranges, noise, saturation, suspicions."""
+    from cobot_joint.diagnosis.checks.inspection import inspect_log
+    from cobot_joint.diagnosis.data.delimited import Layout
+    from cobot_joint.scenario.figures import time_figures
+
+    found = [inspect_log(path, time, Layout(skip, separator, encoding)) for path in logs]
+    for path, i in zip(logs, found, strict=True):
+        _show(path, i)
+    if out is None and system is None:
+        return
+    folder = results_folder(out or logs[0].parent)
+    if out is not None:
+        for path, i in zip(logs, found, strict=True):
+            r, every = i.recording, max(1, len(i.recording.time) // POINTS)
+            signals = {n: x[::every] for n, x in r.outputs.items()}
+            for file in time_figures(folder / path.stem, path.name, r.time[::every], signals, r.units):
+                console.print(file, soft_wrap=True)
+    if system is not None:
+        given = {k: v for k, v in (("time", time), ("separator", separator), ("encoding", encoding)) if v}
+        console.print(_first_campaign(folder, system, logs, found, given), soft_wrap=True)
+
+
+def _show(path: Path, i: Inspection) -> None:
+    r = i.recording
+    gaps = int(np.sum(~np.isfinite(next(iter(r.outputs.values())))))
+    about = f"{len(r.time)} samples, {r.time[-1] - r.time[0]:.4g} s at {1 / r.step:.5g} Hz, {gaps} not recorded"
+    console.print(f"\n[bold]{escape(str(path))}[/bold]: clock {escape(str(i.log.clock))}, {about}", soft_wrap=True)
+    grid = Table()
+    for name in ("column", "unit", "from", "to", "noise", "step", "saturated", "missing"):
+        grid.add_column(name, justify="left" if name in ("column", "unit") else "right")
+    for name, q in i.quality.items():
+        unit = next(c.unit for c in i.log.channels if c.name == name) or "none given"
+        step = f"{q.step:.4g}" if q.step else "-"
+        numbers = [f"{q.low:.5g}", f"{q.high:.5g}", f"{q.noise:.3g}", step, str(q.saturated), str(q.missing)]
+        grid.add_row(escape(name), escape(unit), *numbers)
+    console.print(grid)
+    for words in i.words:
+        console.print(f"  {escape(words)}", soft_wrap=True)
+
+
+def _first_campaign(
+    folder: Path, system: str, logs: list[Path], found: list[Inspection], given: dict[str, str]
+) -> Path:
+    """campaign.toml in the folder. UserError: one is there already, or no column fits."""
+    from cobot_joint.diagnosis.data.campaign import CampaignFile, RecordingEntry, connectors_of, systems_of
+    from cobot_joint.diagnosis.drafts.campaign_text import campaign_text, guess
+
+    path = folder / "campaign.toml"
+    if path.exists():
+        raise UserError(f"{path} is there already; --out names another folder")
+    named = os.path.relpath(system, folder) if Path(system).suffix in (".ssd", ".ssp") else system
+    defaults, setups = systems_of(path, CampaignFile(system=named, recording=[RecordingEntry(file="")]))
+    setup, file = next(iter(setups.items()))
+    connectors = connectors_of(file, setup, defaults.logged)
+    guesses = guess(found[0].log.channels, connectors, defaults.logged)
+    if not any(connectors[g.connector].causality == "output" for g in guesses):
+        raise UserError(
+            f"{logs[0]}: no column looks like an output of {system}, which has {among(connectors)}; "
+            f"the file has {among(found[0].log.names)}"
+        )
+    matched = {g.connector for g in guesses}
+    wanted: list[Connector] = [
+        c for n, c in connectors.items() if n not in matched and (not defaults.logged or n in defaults.logged)
+    ]
+    files = [Path(os.path.relpath(log, folder)).as_posix() for log in logs]
+    tolerances = {} if defaults.tolerances else usual_tolerances(file)
+    path.write_text(campaign_text(logs[0].stem, named, files, guesses, wanted, tolerances, given), encoding="utf-8")
+    return path
+
+
+def usual_tolerances(system: Path) -> dict[str, str]:
+    """`component.parameter` -> how far off, of components whose units are parts of a chain."""
+    from cobot_joint.diagnosis.drafts.chain import PARTS
+    from cobot_joint.system.read import load_system
+
+    usual: dict[str, dict[str, str]] = {}
+    for part in PARTS.values():
+        usual.setdefault(part.unit, {}).update(part.fits)
+    return {
+        f"{c.name}.{name}": tolerance
+        for c in load_system(system).components
+        for name, tolerance in usual.get(c.unit.name, {}).items()
+        if float(c.parameters.get(name, c.unit.variables[name].start) or 0.0) != 0.0
+    }
+
+
+def new(
+    chain: Annotated[
+        str | None,
+        typer.Option(
+            help="Parts in a row: motor, motion, gear, sensor, shaft, load, pendulum, screw, brake; friction."
+        ),
+    ] = None,
+    from_: Annotated[str | None, typer.Option("--from", help="A system to start from, by name or file.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder to write to.")] = Path("bench"),
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="PART.NAME=VALUE",
+            help="From a data sheet: 'motor.torque_constant=38.5 mNm/A'; repeatable.",
+        ),
+    ] = None,
+) -> None:
+    """Write a readable system (.ssd) and a campaign for a machine of your own."""
+    from cobot_joint.diagnosis.drafts.chain import Chain, with_data_sheet, write_readable
+    from cobot_joint.diagnosis.drafts.chain import chain as make
+    from cobot_joint.system.read import load_system
+
+    if (chain is None) == (from_ is None):
+        raise UserError("new: one of --chain motor,gear,sensor,load and --from joint is needed")
+    made = make([n.strip() for n in (chain or "").split(",")]) if chain else Chain(load_system(str(from_)), {})
+    values = dict(_assignment(text) for text in set_ or [])
+    made = with_data_sheet(made, values)
+    folder = results_folder(out)
+    for name in ("system.ssd", "campaign.toml"):
+        if (folder / name).exists():
+            raise UserError(f"{folder / name} is there already; --out names another folder")
+    words = [(name, part.words) for name, part in made.parts.items()]
+    console.print(write_readable(made.system, words, folder / "system.ssd"), soft_wrap=True)
+    (folder / "campaign.toml").write_text(_campaign(made.system, folder), encoding="utf-8")
+    console.print(folder / "campaign.toml", soft_wrap=True)
+
+
+def _campaign(system: System, folder: Path) -> str:
+    """A campaign over system.ssd whose columns have the connectors' names and units."""
+    from cobot_joint.diagnosis.data.formats import Channel
+    from cobot_joint.diagnosis.drafts.campaign_text import Guess, campaign_text
+
+    nothing = np.zeros(0)
+    guesses = [
+        Guess(Channel(n, c.unit, nothing, nothing), n, f"your column for {c.description or n}, in its unit")
+        for n, c in (dict(system.inputs) | dict(system.outputs)).items()
+    ]
+    tolerances = usual_tolerances(folder / "system.ssd")
+    return campaign_text(folder.resolve().name, "system.ssd", ["run1.csv", "run2.csv"], guesses, [], tolerances)
+
+
+def _assignment(text: str) -> tuple[str, str]:
+    name, equals, value = (part.strip() for part in text.partition("="))
+    if not (name and equals and value):
+        raise UserError(f"--set {text!r} is given, PART.NAME=VALUE is allowed, for example 'motor.R=0.61 Ohm'")
+    return name, value

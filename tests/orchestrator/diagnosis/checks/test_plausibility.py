@@ -1,0 +1,183 @@
+"""A channel that is not what it is taken for is said so, with the likely reason, before anything is fitted."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
+import pytest
+
+from cobot_joint.diagnosis.checks.beside_nominal import beside_nominal, known_factor
+from cobot_joint.diagnosis.checks.suspicions import suspicions
+from cobot_joint.diagnosis.data.campaign import load_campaign
+from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.data.suspicion import Suspicion
+from cobot_joint.diagnosis.plant.simulator import Simulator
+from cobot_joint.errors import UserError
+
+Change = Callable[[np.ndarray, Recording], np.ndarray]
+N = 112.66666666666667
+
+
+@pytest.fixture(scope="module")
+def look(root: Path) -> Iterator[Callable[..., list[Suspicion]]]:
+    """look(name, change): what is said of two runs of the open set whose channel of that name is changed."""
+    campaign = load_campaign(root / "proof/open/case01", roles=("train",))
+    with Simulator(campaign.systems()) as simulate:
+
+        def changed(r: Recording, name: str, change: Change) -> Recording:
+            kind = "inputs" if name in r.inputs else "outputs"
+            series = dict(getattr(r, kind))
+            if name in series:
+                series[name] = change(series[name], r)
+            return replace(r, **{kind: series})
+
+        def said(name: str = "", change: Change = lambda x, r: x) -> list[Suspicion]:
+            runs = [changed(r, name, change) for r in campaign.train[1:]]
+            return suspicions(runs) + beside_nominal(runs, simulate, {"planetary_gear.ratio.N": N})
+
+        yield said
+
+
+def test_nothing_is_said_of_a_clean_log(look: Callable[..., list[Suspicion]]) -> None:
+    assert look() == []
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "kind", "words"),
+    [
+        ("i_motor", lambda x, r: 1e3 * x, "factor", "factor 1000, a unit of a thousandth was declared whole (mA as A)"),
+        ("i_motor", lambda x, r: 10 * x, "factor", "factor 10, a decimal place"),
+        (
+            "w_motor",
+            lambda x, r: x * 30 / np.pi,
+            "factor",
+            "factor 9.5493, rpm read as rad/s? If so, its unit or scale",
+        ),
+        ("w_motor", lambda x, r: x / N, "factor", "the gear ratio planetary_gear.ratio.N"),
+        ("tau_sensor", lambda x, r: -x, "sign", "it moves against the nominal system (correlation -1.00): reversed?"),
+        ("i_brake", lambda x, r: 1e3 * x, "factor", "with a factor of 0.001 every output fits the nominal system"),
+        ("v_command", lambda x, r: -x, "sign", "with its sign reversed every output fits the nominal system"),
+    ],
+)
+def test_a_factor_or_sign_is_named_and_sure_enough_to_stop(
+    look: Callable[..., list[Suspicion]], name: str, change: Change, kind: str, words: str
+) -> None:
+    found = look(name, change)[-1]
+    assert (found.channel, found.kind, found.wrong) == (name, kind, True)
+    assert words in found.evidence
+
+
+def hold(x: np.ndarray, r: Recording) -> np.ndarray:
+    held = np.random.default_rng(3).random(len(x)) < 0.3
+    return x[np.maximum.accumulate(np.where(held, 0, np.arange(len(x))))]
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "kind", "words"),
+    [
+        ("tau_sensor", lambda x, r: np.minimum(x, 0.6 * x.max()), "clipped", "clipped at the top"),
+        ("w_motor", lambda x, r: np.where((r.time > 6) & (r.time < 8), x[6000], x), "frozen", "while i_motor moves"),
+        ("i_motor", hold, "held", "% of its samples repeat the one before while it moves: held"),
+        ("w_motor", lambda x, r: np.interp(r.time - 0.005, r.time, x), "late", "it comes 5"),
+        ("w_motor", lambda x, r: np.interp(1.005 * r.time, r.time, x), "clock drifts", "its delay grows by -5"),
+        ("w_motor", lambda x, r: np.where(r.time == r.time[77], 1e6, x), "outlier", "1 samples lie far outside"),
+    ],
+)
+def test_a_faulty_channel_is_said_in_words(
+    look: Callable[..., list[Suspicion]], name: str, change: Change, kind: str, words: str
+) -> None:
+    found = [s for s in look(name, change) if s.channel == name]
+    assert {s.kind for s in found} == {kind}
+    assert words in found[-1].evidence
+
+
+def test_two_channels_that_are_swapped_are_named(look: Callable[..., list[Suspicion]], root: Path) -> None:
+    first = load_campaign(root / "proof/open/case01", roles=("train",)).train[2]
+    i, w = first.outputs["i_motor"], first.outputs["w_motor"]
+    swapped = replace(first, outputs=first.outputs | {"i_motor": w, "w_motor": i})
+    with Simulator(load_campaign(root / "proof/open/case01", roles=("train",)).systems()) as simulate:
+        (found,) = beside_nominal([swapped], simulate)
+    assert (found.kind, found.wrong, found.channel) == ("swapped", True, "i_motor, w_motor")
+
+
+def test_a_run_that_excites_nothing_is_said(look: Callable[..., list[Suspicion]]) -> None:
+    rng = np.random.default_rng(1)
+    r = Recording(
+        "rest", "train", "default", np.arange(4000) * 1e-3, {}, {"w": rng.normal(0, 0.3, 4000)}, {"w": "rad/s"}
+    )
+    (found,) = suspicions([r])
+    assert found.kind == "not excited"
+
+
+def spun(name: str, J: float) -> Recording:
+    """J dw/dt = tau - d w: a shaft under a torque that was recorded, logged with noise."""
+    rng, step = np.random.default_rng(5), 1e-3
+    t = np.arange(8000) * step
+    tau = 0.5 * np.sin(2 * np.pi * 0.7 * t) + 0.3 * np.sin(2 * np.pi * 2.3 * t)
+    w = np.zeros_like(t)
+    for k in range(len(t) - 1):
+        w[k + 1] = w[k] + step * (tau[k] - 0.05 * w[k]) / J
+    logged = {"tau": tau + rng.normal(0, 1e-3, len(t))}
+    return Recording(
+        name, "train", "default", t, logged, {"w": w + rng.normal(0, 0.01, len(t))}, {"w": "rad/s", "tau": "N.m"}
+    )
+
+
+def test_an_inertia_that_differs_by_run_is_said_and_one_that_does_not_is_not() -> None:
+    assert suspicions([spun("a", 0.02), spun("b", 0.02)]) == []
+    (found,) = suspicions([spun("a", 0.02), spun("b", 0.03)])
+    assert (found.kind, found.recording) == ("inertia differs", "a, b")
+    a, b = (float(x) for x in re.findall(r"(\S+) in [ab]", found.evidence))
+    assert (a, b) == (pytest.approx(0.02, rel=0.02), pytest.approx(0.03, rel=0.02))
+
+
+def test_the_usual_factor_nearest_in_size_is_named() -> None:
+    assert known_factor(9.4, "rad/s", {}) == (pytest.approx(9.5493, abs=1e-4), "rpm read as rad/s")
+    assert known_factor(9.8, "A", {}) == (10.0, "a decimal place")
+    assert known_factor(57.0, "rad", {})[1] == "degrees read as rad"
+    assert known_factor(1.02e-3, "V", {})[1].endswith("inverted")
+    assert known_factor(4.2, "V", {}) is None
+
+
+def milliamperes(root: Path, folder: Path, entry: str = "") -> Path:
+    shutil.copytree(root / "proof/open/case01", folder / "case", dirs_exist_ok=True)
+    file = folder / "case/load.parquet"
+    table = pa.parquet.read_table(file)
+    k = next(k for k, name in enumerate(table.column_names) if name.startswith("i_motor"))
+    table = table.set_column(k, table.column_names[k], pa.compute.multiply(table.column(k), 1e3))
+    pa.parquet.write_table(table, file)
+    with (folder / "case/campaign.toml").open("a") as campaign:
+        campaign.write(entry)
+    return folder / "case/campaign.toml"
+
+
+def test_mA_declared_as_A_ends_the_diagnosis_in_one_line_within_seconds(root: Path, tmp_path: Path) -> None:
+    begun = time.monotonic()
+    call = [sys.executable, "-m", "cobot_joint.cli", "diagnose", str(milliamperes(root, tmp_path))]
+    done = subprocess.run(call, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "load: i_motor: it moves 971.4 times as much as the nominal system" in done.stderr
+    assert "scale = 0.001 for 'i_motor'" in done.stderr
+    assert time.monotonic() - begun < 30  # 3 s on an idle machine
+
+
+def test_whoever_gives_a_scale_is_believed(root: Path, tmp_path: Path) -> None:
+    from cobot_joint.diagnosis.checks.plausibility import plausible
+
+    names = ["v_command", "i_brake", "w_motor", "tau_sensor"]
+    entry = "\n[channels]\n" + "".join(f'{n} = "{n}"\n' for n in names) + 'i_motor = { to = "i_motor", scale = 1 }\n'
+    campaign = load_campaign(milliamperes(root, tmp_path, entry), roles=("train",))
+    assert all(not s.wrong for s in plausible(campaign))
+    with pytest.raises(UserError):
+        plausible(load_campaign(milliamperes(root, tmp_path / "b"), roles=("train",)))

@@ -1,0 +1,102 @@
+"""A machine of one's own, from its parts and data sheets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cobot_joint.cosim import Simulation
+from cobot_joint.diagnosis.drafts.chain import Chain, chain, with_data_sheet, write_readable
+from cobot_joint.errors import UserError
+from cobot_joint.system import load_system
+from cobot_joint.system.model import Inputs
+
+
+def made(folder: Path, names: str, **sheet: str) -> Chain:
+    whole = with_data_sheet(chain(names.split(",")), {k.replace("__", "."): v for k, v in sheet.items()})
+    write_readable(whole.system, [(n, p.words) for n, p in whole.parts.items()], folder / "system.ssd")
+    return whole
+
+
+@pytest.mark.parametrize(
+    ("names", "inputs", "outputs"),
+    [
+        ("motor", ["v_command"], ["i_motor", "w_motor"]),
+        ("motor,gear,sensor,load", ["v_command"], ["i_motor", "w_motor", "tau_sensor", "w_load"]),
+        ("motor,gear,sensor,brake", ["v_command", "i_brake"], ["i_motor", "w_motor", "tau_sensor"]),
+        ("motor,screw", ["v_command"], ["i_motor", "w_motor", "s"]),
+        ("motion,sensor,load", ["w"], ["tau_sensor", "w_load"]),
+        ("friction", ["w"], ["tau"]),
+    ],
+)
+def test_a_chain_is_a_system_that_runs(tmp_path: Path, names: str, inputs: list[str], outputs: list[str]) -> None:
+    made(tmp_path, names)
+    system = load_system(tmp_path / "system.ssd")
+    assert (list(system.inputs), list(system.outputs)) == (inputs, outputs)
+    t = np.linspace(0, 0.2, 201)
+    with Simulation(system) as simulation:
+        signals = simulation.run(Inputs(t, {inputs[0]: np.sin(6 * t)}), 0.2, output_step=1e-3, record=outputs).signals
+    assert all(np.isfinite(x).all() for x in signals.values())
+    assert np.any(signals[outputs[0]]) or names == "friction"  # whose data sheet is empty
+
+
+def test_values_come_from_a_data_sheet_by_its_names_and_in_its_units(tmp_path: Path) -> None:
+    made(
+        tmp_path,
+        "motor,gear,load",
+        motor__terminal_resistance="610 mOhm",
+        motor__k_M="38.5 mNm/A",
+        motor__J="121 gcm2",
+        gear__N="100",
+        load__body__J="12 kg.cm2",
+    )
+    system = load_system(tmp_path / "system.ssd")
+    motor, gear, load = (system.component(name).parameters for name in ("motor", "gear", "load"))
+    assert motor["winding.R"] == pytest.approx(0.61)
+    assert motor["winding.k"] == pytest.approx(0.0385)
+    assert motor["rotor.J"] == pytest.approx(1.21e-5)
+    assert gear["ratio.N"] == 100
+    assert load["body.J"] == pytest.approx(1.2e-3)
+
+
+def test_a_steady_motor_obeys_its_data_sheet(tmp_path: Path) -> None:
+    """v = R i + k w at rest of the current: i from the friction, w from the rest of the voltage."""
+    sheet = {"motor__R": "0.61 Ohm", "motor__k": "38.5 mNm/A", "motor__d": "0 N.m.s/rad", "motor__tau_C": "2.1 mNm"}
+    made(tmp_path, "motor", **sheet, motor__J="1.21e-5 kg.m2")
+    t = np.linspace(0, 2, 2001)
+    with Simulation(load_system(tmp_path / "system.ssd")) as simulation:
+        record = ["i_motor", "w_motor"]
+        run = simulation.run(Inputs(t, {"v_command": np.full(2001, 6.0)}), 2.0, output_step=1e-3, record=record).signals
+    i = 2.1e-3 / 0.0385
+    assert run["i_motor"][-1] == pytest.approx(i, rel=1e-3)
+    assert run["w_motor"][-1] == pytest.approx((6 - 0.61 * i) / 0.0385, rel=1e-3)
+
+
+def test_the_file_says_what_every_value_is_and_in_which_unit(tmp_path: Path) -> None:
+    made(tmp_path, "motor")
+    text = (tmp_path / "system.ssd").read_text()
+    assert "<!-- brushless or DC motor with its drive -->" in text
+    assert "[Ohm] -->" in text
+    assert "[N.m/A] -->" in text
+
+
+@pytest.mark.parametrize(
+    ("names", "sheet", "told"),
+    [
+        ("motor,frob", {}, "--chain 'frob': there is no such part, allowed are motor, motion, gear"),
+        ("gear,motor", {}, "motor is driven by nothing, it stands first"),
+        ("load,gear", {}, "load has nothing behind it that could drive a gear"),
+        ("motor,motor", {}, "each part may stand there once"),
+        ("motor", {"gear.N": "100"}, "--set gear.N: there is no such part, the chain has motor"),
+        ("motor", {"motor.k_M": "3 V"}, "unit 'V' is given, one that converts to 'N.m/A' is needed"),
+        ("motor", {"motor.weight": "3"}, "there is no such parameter, it has winding.R, winding.L"),
+        ("motor", {"motor.R": "much"}, "--set: motor.winding.R"),
+    ],
+)
+def test_a_wrong_chain_is_refused_in_one_line(names: str, sheet: dict[str, str], told: str) -> None:
+    with pytest.raises(UserError) as error:
+        with_data_sheet(chain(names.split(",")), sheet)
+    assert told in str(error.value)
+    assert "\n" not in str(error.value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,15 @@ from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.data.suspicion import Kind, Suspicion
 
 Vector = NDArray[np.float64]
+
+CLIPPED = 0.002  # share of samples at an extreme, in runs that noise would break up
+FROZEN = 0.25  # s of one value while others move
+HELD = 0.1  # share of samples that repeat the one before in the middle of motion
+RESTING = ("rad", "m")  # a shaft may stand still anywhere
+OUTLIER = 20.0  # times the rest's range
+EXCITED = 3.0  # sigma of the noise that a moving channel exceeds
+BLOCKS = 8  # of a run, for the scatter of its inertia
+INERTIA, SURE = 0.15, 4.0  # relative difference between runs, and standard errors of it
 
 
 def suspicions(recordings: Sequence[Recording]) -> list[Suspicion]:

@@ -84,6 +84,7 @@ def _first_campaign(
     """campaign.toml in the folder. UserError: one is there already, or no column fits."""
     from cobot_joint.diagnosis.data.campaign import CampaignFile, RecordingEntry, connectors_of, systems_of
     from cobot_joint.diagnosis.drafts.campaign_text import campaign_text, guess
+    from cobot_joint.system.read import load_system
 
     path = folder / "campaign.toml"
     if path.exists():
@@ -91,7 +92,9 @@ def _first_campaign(
     named = os.path.relpath(system, folder) if Path(system).suffix in (".ssd", ".ssp") else system
     defaults, setups = systems_of(path, CampaignFile(system=named, recording=[RecordingEntry(file="")]))
     setup, file = next(iter(setups.items()))
+    own = load_system(file)
     connectors = connectors_of(file, setup, defaults.logged)
+    connectors = {n: c for n, c in connectors.items() if n in own.inputs or n in own.outputs}  # not of its components
     guesses = guess(found[0].log.channels, connectors, defaults.logged)
     if not any(connectors[g.connector].causality == "output" for g in guesses):
         raise UserError(

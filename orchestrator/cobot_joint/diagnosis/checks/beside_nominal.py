@@ -62,7 +62,7 @@ def beside_nominal(
             if wrong or m.correlation < ALIKE:
                 continue
             at = timing(r.outputs[name], simulated[name], r.step)
-            if at.by_rate > SHARE and abs(at.rate) * r.time[-1] > 2 * r.step:
+            if at.by_rate > SHARE and abs(at.rate) * (r.time[-1] - r.time[0]) > 2 * r.step:
                 words = (
                     f"its delay grows by {1e3 * at.rate:.3g} ms per s: its clock runs at another rate than the inputs'"
                 )

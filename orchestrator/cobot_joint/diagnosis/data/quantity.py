@@ -57,7 +57,7 @@ def split_header(header: str) -> tuple[str, str | None]:
     """
     if len(header) > LONGEST_HEADER:
         raise UserError(f"a column's name of {len(header)} characters is given, {LONGEST_HEADER} are allowed")
-    text = header.strip()
+    text = "".join(c if c.isprintable() else "\ufffd" for c in header.strip())  # a terminal obeys some of the others
     name, bracket, unit = text[:-1].rpartition("[")
     if not (text.endswith("]") and bracket) or (unit.isdigit() and name and not name[-1].isspace()):
         return text, None

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from cobot_joint.diagnosis.data.quantity import convert
+from cobot_joint.diagnosis.data.quantity import convert, split_header
 from cobot_joint.diagnosis.data.recording import Connector, Reading, Recording, read_recording
 from cobot_joint.errors import UserError
 
@@ -216,3 +216,41 @@ def test_a_row_that_was_cut_when_the_logger_was_switched_off_is_left_out_and_sai
     r = log(tmp_path, rows(T, np.sin(T)) + "\n1.0")
     assert r.notes[0] == "the last row has 1 cells of 2, left out"
     assert len(r.time) == 1000
+
+
+def test_a_column_cannot_command_the_terminal() -> None:
+    assert split_header("\x1b[31mw\x07 [rad/s]") == ("\ufffd[31mw\ufffd", "rad/s")
+
+
+@pytest.mark.parametrize(
+    ("header", "name", "unit"),
+    [
+        ("w [rad/s]", "w", "rad/s"),
+        ("w[rpm]", "w", "rpm"),
+        ("w []", "w", None),
+        ("rec.act_pos[0]", "rec.act_pos[0]", None),
+        ("rec.act_pos[0] [mm]", "rec.act_pos[0]", "mm"),
+    ],
+)
+def test_a_header_is_a_name_and_a_unit(header: str, name: str, unit: str | None) -> None:
+    assert split_header(header) == (name, unit)
+
+
+@pytest.mark.parametrize("unit", ["Nm", "N.m", "N*m", "J", "1 N m"])
+def test_a_newton_metre_is_read_however_it_is_written(unit: str) -> None:
+    assert convert(np.ones(1), unit, "N.m", "x")[0][0] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("unit", ["rpm", "U/min", "1/min", "min⁻¹", "min-1", "r/min", "Upm"])
+def test_turns_per_minute_are_read_however_they_are_written(unit: str) -> None:
+    assert convert(np.ones(1), unit, "rad/s", "x")[0][0] == pytest.approx(np.pi / 30)
+
+
+@pytest.mark.parametrize(
+    "unit", ["0 rad/s", "-1 rad/s", "9**9**9**9", "m**9**9", "1e999 m", "import os", "1/s", "Grad/s/s", " " * 200_000]
+)
+def test_a_unit_that_computes_or_means_nothing_is_refused_at_once(unit: str) -> None:
+    begun = time.monotonic()
+    with pytest.raises(UserError):
+        convert(np.ones(1), unit, "rad/s", "x")
+    assert time.monotonic() - begun < 5

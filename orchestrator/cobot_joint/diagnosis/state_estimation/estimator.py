@@ -24,7 +24,8 @@ Array = NDArray[np.float64]
 SEGMENT = 0.05  # s, simulated from one estimate
 START = 0.01  # 1 sigma of the states at the start, in their nominal values
 DRIFT = 1e-3  # the same that they gather in a second beside the latent forces: linearisation is not exact
-COARSE = 20  # samples between the points at which a free run is asked which states matter
+CHANGE = (1e-2, 1e2)  # of a latent's variance in one round
+FASTER = 1.5  # power of that change, since what is not needed fades slowly
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ class Smoothed:
 
 
 class StateEstimator:
-    """The filter of one system. noise: per channel. latents: at ports of `sampled`, in their order."""
+    """The filter of one system. noise: per channel. latents: at inputs of the system. followed: states, by number."""
 
     def __init__(
         self,
@@ -79,11 +80,11 @@ class StateEstimator:
         followed: Sequence[int],
         segment: float = SEGMENT,
     ) -> None:
-        assert tuple(latent.port for latent in latents) == sampled.ports
         self.sampled, self.latents, self.segment = sampled, tuple(latents), segment
         self.noise = [noise[channel] for channel in sampled.channels]
         self.followed = list(followed)
-        self.lineariser = Lineariser(sampled, followed)
+        self.ports = tuple(latent.port for latent in latents)
+        self.lineariser = Lineariser(sampled, self.ports, followed)
         self._coloured = [j for j, noise in enumerate(self.noise) if noise.coloured]
         n_x, n_d, n_c = len(self.followed), len(self.latents), len(self._coloured)
         self.N = n_x + n_d + n_c
@@ -133,18 +134,30 @@ class StateEstimator:
         return self._joined(recording, time, pieces, steps, found, tangents)
 
     def refilter(self, tracked: Tracked) -> Tracked:
-        """The filter of these latents over the linearisation of another run of it: no simulation."""
-        Q, R = self._noises(tracked.recording.step)
-        steps = replace(tracked.steps, F=tracked.steps.F.copy())
-        steps.F[1:, self.d, self.d] = np.diag(self._fading(tracked.recording.step))
-        filtered = forward(steps, Q, R, np.zeros(self.N), self._first_covariance())
-        return replace(tracked, steps=steps, filtered=filtered)
+        """The filter with these latents' sizes over the linearisation that another one ran along: no simulation."""
+        return replace(tracked, filtered=self._filter(tracked.steps, tracked.recording.step))
 
     def smooth(self, tracked: Tracked) -> Smoothed:
         """States and latent forces given the whole recording."""
-        z, variance = backward(tracked.steps, tracked.filtered)
-        z = z + tracked.reference
-        return Smoothed(z[:, self.x], z[:, self.d], np.sqrt(variance[:, self.d]))
+        found = backward(tracked.steps, tracked.filtered)
+        z = found.smoothed + tracked.reference
+        return Smoothed(z[:, self.x], z[:, self.d], np.sqrt(found.variance[:, self.d]))
+
+    def resized(self, tracked: Tracked, rows: slice) -> StateEstimator:
+        """The filter with the latents' sizes nearer to the most likely ones, over a stretch of a recording.
+
+        With q the variance of a latent's kicks, dL/dq = 1/2 sum(a^2 - M) (Koopman and Shephard 1992, Biometrika 79(1)):
+        where the likelihood L is largest, q = q sum(a^2)/sum(M), which is iterated.
+        """
+        steps = tracked.steps[rows]
+        found = backward(steps, self._filter(steps, tracked.recording.step))
+        gain = np.sum(found.a[1:, self.d] ** 2, axis=0) / np.maximum(np.sum(found.M[1:, self.d], axis=0), 1e-300)
+        factors = np.clip(gain, *CHANGE) ** (FASTER / 2)
+        return self.with_latents([replace(d, sigma=d.sigma * float(f)) for d, f in zip(self.latents, factors, strict=True)])
+
+    def _filter(self, steps: Steps, step: float) -> Filtered:
+        Q, R = self._noises(step)
+        return forward(steps, Q, R, np.zeros(self.N), self._first_covariance())
 
     def _run(self, x: Array, d: Array, time: Array, inputs: Mapping[str, Array]) -> Piece:
         faded = self._faded(d, time)
@@ -173,11 +186,11 @@ class StateEstimator:
         return Steps(F, np.zeros((n, self.N)), H, recorded - piece.y)
 
     def _noises(self, step: float) -> tuple[Array, Array]:
-        """Q: (N, N) per sample, R: (channels,)"""
+        """Q: (N,) per sample, R: (channels,)"""
         drift = (DRIFT * self.sampled.nominal[self.followed]) ** 2 * step
         kicks = np.array([latent.sigma**2 for latent in self.latents]) * (1 - self._fading(step) ** 2)
         colour = [self.noise[j].coloured * (1 - self.noise[j].rho ** 2) for j in self._coloured]
-        return np.diag(np.concatenate([drift, kicks, colour])), np.array([n.white for n in self.noise])
+        return np.concatenate([drift, kicks, colour]), np.array([n.white for n in self.noise])
 
     def _first_covariance(self) -> Array:
         states = (START * self.sampled.nominal[self.followed]) ** 2
@@ -197,14 +210,14 @@ class StateEstimator:
             return np.concatenate([parts[0], *(p[1:] for p in parts[1:])])
 
         x = whole([p.x for p in pieces])
-        latents = whole([np.column_stack([p.inputs.get(name, np.zeros(len(p.time))) for name in self.sampled.ports])
-                         if self.sampled.ports else np.zeros((len(p.time), 0)) for p in pieces])  # fmt: skip
+        latents = whole([np.array([p.inputs.get(name, np.zeros(len(p.time))) for name in self.ports])
+                         .reshape(len(self.ports), len(p.time)).T for p in pieces])  # fmt: skip
         reference = np.concatenate(
             [x[:, self.followed], latents, np.zeros((len(x), self.c.stop - self.c.start))], axis=1
         )
         fields = ("F", "jump", "H", "r")
         joined = Steps(*(np.concatenate([getattr(s, f) for s in steps]) for f in fields))
-        parts = ("predicted", "updated", "P", "e", "S_inv", "K")
+        parts = ("predicted", "updated", "P", "e", "precision", "K")
         filtered = Filtered(
             *(np.concatenate([getattr(f, part) for f in found]) for part in parts),
             P_end=found[-1].P_end,
@@ -213,16 +226,3 @@ class StateEstimator:
         signals = {name: whole([p.signals[name] for p in pieces]) for name in pieces[0].signals}
         return Tracked(recording, time, x, whole([p.y for p in pieces]), signals, reference, joined, filtered,
                        tuple(tangents))  # fmt: skip
-
-
-def followed_states(sampled: SampledSystem, recording: Recording) -> list[int]:
-    """States that move and that some channel depends on, seen along a free run of the recording."""
-    time = recording.time - recording.time[0]
-    piece = sampled.run(sampled.start(recording.initial), time, recording.inputs)
-    J = Lineariser(sampled)(piece, slice(None, None, COARSE))
-    A, C, B = (np.abs(M).max(axis=0) > 0 for M in (J.A, J.C, J.B))
-    reached = C.any(axis=0)
-    while (more := reached | A[reached].any(axis=0)).sum() > reached.sum():
-        reached = more
-    moves = A.any(axis=1) | B.any(axis=1) | (np.ptp(piece.x, axis=0) > 0)
-    return [int(j) for j in np.flatnonzero(reached & moves)]

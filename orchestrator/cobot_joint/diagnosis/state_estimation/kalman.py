@@ -1,17 +1,22 @@
-"""Linear Gaussian filtering and smoothing of deviations from a reference, sample by sample.
+"""Linear Gaussian filtering and smoothing of deviations from a reference, sample by sample; the loops are in kalman.c.
 
-z[k] = F[k] (z[k-1] + jump[k]) + w[k],  r[k] = H[k] z[k] + v[k];  cov w = Q, cov v = R, diagonal.
+z[k] = F[k] (z[k-1] + jump[k]) + w[k],  r[k] = H[k] z[k] + v[k];  cov w = diag Q, cov v = diag R.
 
-Filter: Kalman 1960, J. Basic Eng. 82(1). Smoother: the modified form of Bryson and Frazier 1963 by Bierman 1973,
-Automatica 9(3), which inverts no covariance.
+Filter: Kalman 1960, J. Basic Eng. 82(1), channel after channel. Smoother: Bryson and Frazier's in the modified form, which
+inverts no covariance.
 """
 
 from __future__ import annotations
 
+import ctypes
+from ctypes import POINTER, c_double, c_int, c_size_t, c_void_p
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+
+from cobot_joint.cosim import library
 
 Array = NDArray[np.float64]
 
@@ -25,89 +30,128 @@ class Steps:
     H: Array
     r: Array
 
-    def __len__(self) -> int:
-        return len(self.r)
+    def __getitem__(self, rows: slice) -> Steps:
+        """A stretch of them."""
+        return Steps(self.F[rows], self.jump[rows], self.H[rows], self.r[rows])
 
 
 @dataclass(frozen=True)
 class Filtered:
     """What a filter found. Predicted from earlier samples, updated with the present one.
 
-    predicted, updated: (n, N); P: covariance of `predicted`, (n, N, N); e: innovations, (n, m), 0 where not recorded;
-    S_inv: inverse of their covariance, (n, m, m), 0 where not recorded; K: (n, N, m); P_end: covariance of the last
-    `updated`; log_likelihood: of the innovations.
+    predicted, updated: (n, N); P: covariance of `predicted`, (n, N, N). Of channels one after the other: e: innovations,
+    (n, m), precision: 1/variance, (n, m), both 0 where not recorded, K: gains, (n, m, N). P_end: covariance of the last
+    `updated`; log_likelihood: of the innovations, but for its constant.
     """
 
     predicted: Array
     updated: Array
     P: Array
     e: Array
-    S_inv: Array
+    precision: Array
     K: Array
     P_end: Array
     log_likelihood: float
 
+    @property
+    def white(self) -> Array:
+        """Innovations over their standard deviations, independent where the model holds: (n, m)"""
+        return np.asarray(self.e * np.sqrt(self.precision))
+
+
+@dataclass(frozen=True)
+class Adjoint:
+    """How the innovations from a sample on pull at the prediction there: with G = I - K H, and of the sample after
+    a+ = F' a, M+ = F' M F,
+
+    a = H' S^-1 e + G' a+,  M = H' S^-1 H + G' M+ G,  z = z_predicted + P a,  cov z = P - P M P
+
+    a: (n, N); M: its covariance where the model holds, the diagonal, (n, N); smoothed: deviations given all samples,
+    (n, N); variance: theirs, (n, N).
+    """
+
+    a: Array
+    M: Array
+    smoothed: Array
+    variance: Array
+
+
+class _Steps(ctypes.Structure):
+    _fields_ = [*((f, c_size_t) for f in ("n", "m", "N")), *((f, c_void_p) for f in ("F", "jump", "H", "r"))]
+
+
+class _Filtered(ctypes.Structure):
+    _fields_ = [
+        *((f, c_void_p) for f in ("predicted", "updated", "P", "e", "precision", "K")),
+        ("log_likelihood", c_double),
+    ]
+
 
 def forward(steps: Steps, Q: Array, R: Array, z: Array, P: Array, begins: bool = True) -> Filtered:
-    """Q: (N, N), R: (m,), z: (N,), P: (N, N). begins: the first sample is where z and P belong, nothing moves before."""
+    """Q: (N,), R: (m,), z: (N,), P: (N, N). begins: the first sample is where z and P belong, nothing moves before it."""
     n, m, N = steps.H.shape
-    predicted, updated, Ps = np.empty((n, N)), np.empty((n, N)), np.empty((n, N, N))
-    es, S_invs, Ks = np.zeros((n, m)), np.zeros((n, m, m)), np.zeros((n, N, m))
-    known = np.isfinite(steps.r)
-    complete = known.all(axis=1)
-    noise, log_likelihood = np.diag(R), 0.0
-    for k in range(n):
-        if k > 0 or not begins:
-            F = steps.F[k]
-            z = F @ (z + steps.jump[k])
-            P = F @ P @ F.T + Q
-        predicted[k], Ps[k] = z, P
-        if complete[k]:
-            H = steps.H[k]
-            PH = P @ H.T
-            S = H @ PH + noise
-            S_inv = np.linalg.inv(S)
-            e = steps.r[k] - H @ z
-            K = PH @ S_inv
-            es[k], S_invs[k], Ks[k] = e, S_inv, K
-        elif known[k].any():
-            on = known[k]
-            H = steps.H[k][on]
-            PH = P @ H.T
-            S = H @ PH + noise[np.ix_(on, on)]
-            S_inv = np.linalg.inv(S)
-            e = steps.r[k][on] - H @ z
-            K = PH @ S_inv
-            es[k, on], S_invs[k][np.ix_(on, on)], Ks[k][:, on] = e, S_inv, K
-        else:
-            updated[k] = z
-            continue
-        z = z + K @ e
-        P = P - K @ PH.T
-        P = (P + P.T) / 2
-        updated[k] = z
-        log_likelihood -= 0.5 * (np.linalg.slogdet(S)[1] + e @ S_inv @ e)
-    return Filtered(predicted, updated, Ps, es, S_invs, Ks, P, float(log_likelihood))
+    found = Filtered(np.empty((n, N)), np.empty((n, N)), np.empty((n, N, N)), np.empty((n, m)), np.empty((n, m)),
+                     np.empty((n, m, N)), np.array(P), 0.0)  # fmt: skip
+    out, arrays = _filtered(found), _contiguous(steps)
+    Q, R, z = np.ascontiguousarray(Q), np.ascontiguousarray(R), np.array(z)
+    _check(_typed_library().kalman_forward(
+        ctypes.byref(_steps(arrays)), Q.ctypes.data, R.ctypes.data, begins, z.ctypes.data, found.P_end.ctypes.data,
+        ctypes.byref(out),
+    ))  # fmt: skip
+    return Filtered(**{**found.__dict__, "log_likelihood": float(out.log_likelihood)})
 
 
-def backward(steps: Steps, found: Filtered) -> tuple[Array, Array]:
-    """Deviations given all samples, (n, N), and their variances, (n, N).
+def backward(steps: Steps, found: Filtered) -> Adjoint:
+    """The smoother over what the filter has found."""
+    arrays = _contiguous(steps)
+    out = Adjoint(*(np.empty_like(found.predicted) for _ in range(4)))
+    _check(_typed_library().kalman_backward(
+        ctypes.byref(_steps(arrays)), ctypes.byref(_filtered(found)), *(x.ctypes.data for x in out.__dict__.values())
+    ))  # fmt: skip
+    return out
 
-    a: how the later innovations pull at the present one; with G = I - K H,
-    a = H' S^-1 e + G' a+,  M = H' S^-1 H + G' M+ G,  z = z_predicted + P a,  cov z = P - P M P;  a+ = F' a of the next.
+
+def respond(steps: Steps, found: Filtered, psi: Array, direct: Array) -> Array:
+    """White innovations that known signals would add, had the filter not known of them: (n, m, p).
+
+    psi: (n - 1, n_x, p), what each adds to the first n_x deviations from sample to sample; direct: to the channels,
+    (n, m, p).
     """
-    n, _, N = steps.H.shape
-    smoothed, variance = np.empty((n, N)), np.empty((n, N))
-    a, M, eye = np.zeros(N), np.zeros((N, N)), np.eye(N)
-    for k in range(n - 1, -1, -1):
-        H, P = steps.H[k], found.P[k]
-        G = eye - found.K[k] @ H
-        HS = H.T @ found.S_inv[k]
-        a = HS @ found.e[k] + G.T @ a
-        M = HS @ H + G.T @ M @ G
-        smoothed[k] = found.predicted[k] + P @ a
-        PM = P @ M
-        variance[k] = np.diagonal(P) - np.einsum("ij,ji->i", PM, P)
-        F = steps.F[k]
-        a, M = F.T @ a, F.T @ M @ F
-    return smoothed, np.maximum(variance, 0.0)
+    n, m, _ = steps.H.shape
+    p, arrays = direct.shape[2], _contiguous(steps)
+    psi, direct, out = np.ascontiguousarray(psi), np.ascontiguousarray(direct), np.empty((n, m, p))
+    _check(_typed_library().kalman_respond(
+        ctypes.byref(_steps(arrays)), ctypes.byref(_filtered(found)), p, psi.shape[1], psi.ctypes.data,
+        direct.ctypes.data, out.ctypes.data,
+    ))  # fmt: skip
+    return out
+
+
+def _contiguous(steps: Steps) -> Steps:
+    return Steps(*(np.ascontiguousarray(x, dtype=np.float64) for x in (steps.F, steps.jump, steps.H, steps.r)))
+
+
+def _steps(steps: Steps) -> _Steps:
+    """Points into the arrays, which have to outlive it."""
+    return _Steps(*steps.H.shape, *(x.ctypes.data for x in (steps.F, steps.jump, steps.H, steps.r)))
+
+
+def _filtered(found: Filtered) -> _Filtered:
+    arrays = (found.predicted, found.updated, found.P, found.e, found.precision, found.K)
+    assert all(x.flags.c_contiguous for x in arrays)
+    return _Filtered(*(x.ctypes.data for x in arrays), 0.0)
+
+
+def _check(status: int) -> None:
+    if status:
+        raise MemoryError("the Kalman filter")
+
+
+@cache
+def _typed_library() -> ctypes.CDLL:
+    loaded = library.load()
+    steps, filtered = POINTER(_Steps), POINTER(_Filtered)
+    loaded.kalman_forward.argtypes = [steps, c_void_p, c_void_p, c_int, c_void_p, c_void_p, filtered]
+    loaded.kalman_backward.argtypes = [steps, filtered, *[c_void_p] * 4]
+    loaded.kalman_respond.argtypes = [steps, filtered, c_size_t, c_size_t, *[c_void_p] * 3]
+    return loaded

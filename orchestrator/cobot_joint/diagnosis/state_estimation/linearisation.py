@@ -61,16 +61,21 @@ class _Part:
 
 
 class Lineariser:
-    """Jacobians of a sampled system along its runs, by some of its states (all, unless said) and by parameters."""
+    """Jacobians of a sampled system along its runs: by signals at ports, which are inputs of the system, by some of its
+    states (all, unless said), and by parameters, `component.variable`."""
 
     def __init__(
-        self, sampled: SampledSystem, followed: Sequence[int] | None = None, parameters: Sequence[str] = ()
+        self,
+        sampled: SampledSystem,
+        ports: Sequence[str],
+        followed: Sequence[int] | None = None,
+        parameters: Sequence[str] = (),
     ) -> None:
-        self.sampled = sampled
+        self.sampled, self.ports = sampled, tuple(ports)
         self.followed = list(range(len(sampled.states))) if followed is None else list(followed)
         self.parameters = tuple(parameters)
         self._outs = {source: j for j, source in enumerate(sampled.sources)}
-        self._sizes = {"x": len(self.followed), "d": len(sampled.ports), "p": len(self.parameters)}
+        self._sizes = {"x": len(self.followed), "d": len(self.ports), "p": len(self.parameters)}
         self._L = _selection(sampled.wires, self._outs)
         self._S = _selection(sampled.taps, self._outs)
         self._parts = [part for c in sampled.system.components if (part := self._part(c)).unknown]
@@ -136,7 +141,7 @@ class Lineariser:
         columns = [(s.variable, ("x", k, 1.0)) for k, s in followed]
         columns += [(c.sink, ("u", j, 1.0)) for j, c in wired]
         columns += [
-            (c.sink, ("d", sampled.ports.index(c.source), c.factor)) for c in entering if c.source in sampled.ports
+            (c.sink, ("d", self.ports.index(c.source), c.factor)) for c in entering if c.source in self.ports
         ]
         columns += [(p, ("p", j, 1.0)) for j, p in mine]
         return _Part(

@@ -10,6 +10,9 @@ import numpy as np
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.conditioning import condition
 
+MOST = 0.9  # correlation from sample to sample; what is more is a signal
+MORE = 1.5  # times the stated noise from which what was estimated is a signal in part, and its colour is not the noise's
+
 
 @dataclass(frozen=True)
 class ChannelNoise:
@@ -42,9 +45,10 @@ def noise_of(campaign: Campaign) -> dict[str, ChannelNoise]:
     for name, quality in condition(campaign).items():
         logged = campaign.logged.get(name)
         step = logged.step if logged and logged.step is not None else quality.step
-        sigma, colour = quality.noise, quality.colour
+        sigma, colour = quality.noise, min(quality.colour, MOST)
         if logged and logged.noise is not None:
             sigma = float(np.hypot(logged.noise, step / np.sqrt(12)))
+            colour = colour if quality.noise < MORE * sigma else 0.0
         if logged and logged.colour is not None:
             colour = logged.colour
         found[name] = ChannelNoise(sigma, colour, step)

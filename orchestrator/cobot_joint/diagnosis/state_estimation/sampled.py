@@ -32,15 +32,13 @@ class SampledSystem:
     """One system with one set of values, loaded once. A context manager.
 
     values: `component.variable` -> value over the system's own. onsets: of these, s, from which they hold. channels:
-    the system's outputs that are compared. ports: inputs of the system at which latent signals enter. UserError: a unit
-    of the system allows no state to be set.
+    the system's outputs that are compared. UserError: a unit of the system allows no state to be set.
     """
 
     def __init__(
         self,
         system: System,
         channels: Sequence[str],
-        ports: Sequence[str] = (),
         values: Mapping[str, Value] | None = None,
         onsets: Mapping[str, float] | None = None,
     ) -> None:
@@ -48,7 +46,7 @@ class SampledSystem:
         if states is None:
             raise UserError(f"{system.name}: {why_none(system)}, so that no run can begin at a given state")
         self.system, self.states = system, states
-        self.channels, self.ports = tuple(channels), tuple(ports)
+        self.channels = tuple(channels)
         self.values, self.onsets = dict(values or {}), dict(onsets or {})
         self.nominal = np.array([s.nominal for s in states])
         self.simulation = Simulation(system)

@@ -23,7 +23,7 @@ from cobot_joint.diagnosis.state_estimation.sampled import Piece, SampledSystem
 Array = NDArray[np.float64]
 SEGMENT = 0.05  # s, simulated from one estimate
 START = 0.01  # 1 sigma of the states at the start, in their nominal values
-DRIFT = 1e-3  # the same that they gather in a second beside the latent forces: linearisation is not exact
+DRIFT = 1e-5  # the same that they gather in a second beside the latent forces: linearisation is not exact
 CHANGE = (1e-2, 1e2)  # of a latent's variance in one round
 FASTER = 1.5  # power of that change, since what is not needed fades slowly
 

@@ -26,8 +26,7 @@ STRETCH = 4.0  # s of a recording that they are estimated from
 
 @dataclass(frozen=True)
 class Structure:
-    """What a system's free run says before filtering. followed: states that move and that a channel depends on, by
-    number. latents: one per port that these channels tell apart. alike: of such a port, the others it stands for."""
+    """What a system's free run says before filtering. followed: states that a channel depends on, by number. latents: one per port that these channels tell apart. alike: of such a port, the others it stands for."""
 
     followed: list[int]
     latents: tuple[Latent, ...]
@@ -41,7 +40,7 @@ def structure(
     time = recording.time - recording.time[0]
     piece = sampled.run(sampled.start(recording.initial), time, recording.inputs)
     J = Lineariser(sampled, ports)(piece, slice(None, None, COARSE))
-    followed = _followed(J, np.ptp(piece.x, axis=0))
+    followed = _followed(J)
     sigma = np.array([noise[c].sigma for c in sampled.channels])
     quick, slow = (_response(J, followed, omega, sampled.nominal, sigma) for omega in (QUICK, SLOW))
     size = np.sqrt(np.mean(np.sum(np.abs(slow) ** 2, axis=1), axis=0))  # (ports,)
@@ -69,13 +68,12 @@ def with_sizes(estimator: StateEstimator, tracked: Tracked, rounds: int = ROUNDS
     return estimator
 
 
-def _followed(J: Jacobians, range_of_x: Array) -> list[int]:
-    A, B, C = (np.abs(M).max(axis=0) > 0 for M in (J.A, J.B, J.C))
-    reached = C.any(axis=0)
+def _followed(J: Jacobians) -> list[int]:
+    """States that some channel depends on, by way of others or not."""
+    A, reached = np.abs(J.A).max(axis=0) > 0, (np.abs(J.C).max(axis=0) > 0).any(axis=0)
     while (more := reached | A[reached].any(axis=0)).sum() > reached.sum():
         reached = more
-    moves = A.any(axis=1) | B.any(axis=1) | (range_of_x > 0)
-    return [int(j) for j in np.flatnonzero(reached & moves)]
+    return [int(j) for j in np.flatnonzero(reached)]
 
 
 def _response(J: Jacobians, followed: list[int], omega: float, nominal: Array, sigma: Array) -> NDArray[np.complex128]:

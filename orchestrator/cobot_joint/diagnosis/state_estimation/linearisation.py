@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cobot_joint.cosim.points import UnitFunction
 from cobot_joint.diagnosis.state_estimation.sampled import Piece, SampledSystem
-from cobot_joint.system.model import Component, Connection
+from cobot_joint.system.model import Component, Connection, Value
 
 Array = NDArray[np.float64]
 SMALL, ORDER = 0.25, 8  # norm below which the exponential's series is summed, and its order: 1e-11 is left out
@@ -21,7 +21,7 @@ class Jacobians:
     """dx/dt = A dx + B d + P theta, dy = C dx + D d + R theta for small deviations at each of n points.
 
     A: (n, states, states), B: (n, states, ports), C: (n, channels, states), D: (n, channels, ports); P, R: the same by
-    parameters.
+    parameters; T, S: by what is added to the units' outputs, (n, states, outputs) and (n, channels, outputs).
     """
 
     A: Array
@@ -30,13 +30,16 @@ class Jacobians:
     D: Array
     P: Array
     R: Array
+    T: Array
+    S: Array
 
 
 @dataclass(frozen=True)
 class Tangent:
     """x[k+1] = Phi[k] x[k] + Gamma[k] d[k] + Psi[k] theta, y[k] = C[k] x[k] + D[k] d[k] + R[k] theta.
 
-    Of n samples, Phi, Gamma and Psi for the n - 1 steps between; d is held from sample to sample.
+    Of n samples, Phi, Gamma and Psi for the n - 1 steps between; d is held from sample to sample. Hold: (n - 1, states,
+    states), what one unit of a held derivative adds to the states; T, S: as in Jacobians, T for the steps.
     """
 
     Phi: Array
@@ -45,6 +48,9 @@ class Tangent:
     C: Array
     D: Array
     R: Array
+    Hold: Array
+    T: Array
+    S: Array
 
 
 @dataclass(frozen=True)
@@ -94,12 +100,13 @@ class Lineariser:
             for j, (kind, column, factor) in enumerate(part.columns):
                 F[kind][:, part.inner, column] += factor * J[:, : len(part.inner), j]
                 G[kind][:, part.outer, column] += factor * J[:, len(part.inner) :, j]
+        u = np.linalg.solve(np.eye(n_u) - self._L @ G["u"], np.broadcast_to(self._L, (n, n_u, n_o)))  # by outputs
+        T, S = F["u"] @ u, self._S @ (np.eye(n_o) + G["u"] @ u)
         direct = np.concatenate([G["x"], G["d"], G["p"]], axis=2)
-        u = np.linalg.solve(np.eye(n_u) - self._L @ G["u"], self._L @ direct) if n_u else direct[:, :0]
         borders = np.cumsum([self._sizes["x"], self._sizes["d"]])
-        A, B, P = np.split(np.concatenate([F["x"], F["d"], F["p"]], axis=2) + F["u"] @ u, borders, axis=2)
-        C, D, R = np.split(self._S @ (direct + G["u"] @ u), borders, axis=2)
-        return Jacobians(A, B, C, D, P, R)
+        A, B, P = np.split(np.concatenate([F["x"], F["d"], F["p"]], axis=2) + T @ direct, borders, axis=2)
+        C, D, R = np.split(S @ direct, borders, axis=2)
+        return Jacobians(A, B, C, D, P, R, T, S)
 
     def tangent(self, piece: Piece) -> Tangent:
         """From sample to sample: over a step the Jacobians are the means of those at its ends, which takes a contact that
@@ -107,10 +114,34 @@ class Lineariser:
         J = self(piece)
         h = float(piece.time[-1] - piece.time[0]) / (len(piece.time) - 1)
         scale = self.sampled.nominal[self.followed]
-        A, B, P = ((M[1:] + M[:-1]) / 2 for M in (J.A, J.B, J.P))
-        Phi, integral = exponential(A * scale / scale[:, None], h)
-        Phi, integral = (M * scale[:, None] / scale for M in (Phi, integral))
-        return Tangent(Phi, integral @ B, integral @ P, J.C, J.D, J.R)
+        A, B, P, T = ((M[1:] + M[:-1]) / 2 for M in (J.A, J.B, J.P, J.T))
+        Phi, Hold = exponential(A * scale / scale[:, None], h)
+        Phi, Hold = (M * scale[:, None] / scale for M in (Phi, Hold))
+        return Tangent(Phi, Hold @ B, Hold @ P, J.C, J.D, J.R, Hold, T, J.S)
+
+    def added(
+        self, parameter: str, values: Mapping[str, Value], time: Array, x: Array, piece: Piece
+    ) -> tuple[Array, Array]:
+        """What a unit of one parameter adds to the derivatives of the followed states and to the outputs of units, with
+        other `component.variable` values beside: (n, states) and (n, outputs).
+
+        At any times within the piece, time: (n,), with all states x: (n, states); signals are linear between samples.
+        """
+        name, variable = parameter.split(".", 1)
+        part = next(p for p in self._parts if p.component.name == name)
+        states = {s.variable: j for j, s in enumerate(self.sampled.states) if s.component == name}
+        wires = {c.sink: c for c in (*self.sampled.wires, *self.sampled.driven) if c.sink_component == name}
+        columns = [
+            x[:, states[v]] if v in states else np.interp(time, piece.time, self.sampled.value_of(piece, wires[v]))
+            for v in part.known
+        ]
+        points = np.column_stack(columns) if columns else np.zeros((len(time), 0))
+        own = {**self.sampled.values_of(name, float(time[0])), **{n.split(".", 1)[1]: v for n, v in values.items()}}
+        function = UnitFunction(self.sampled.simulation.instances[name], own, part.known, part.unknown)
+        J = function.jacobian(time, points, [variable])[:, :, 0]
+        inner, outer = np.zeros((len(time), len(self.followed))), np.zeros((len(time), len(self._outs)))
+        inner[:, part.inner], outer[:, part.outer] = J[:, : len(part.inner)], J[:, len(part.inner) :]
+        return inner, outer
 
     def _jacobian(self, part: _Part, piece: Piece, rows: slice) -> Array:
         """Of one unit: (n, unknown, directions), with the values that hold at each time."""

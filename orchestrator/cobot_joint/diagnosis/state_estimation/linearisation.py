@@ -38,10 +38,12 @@ class Jacobians:
 class Tangent:
     """x[k+1] = Phi[k] x[k] + Gamma[k] d[k] + Psi[k] theta, y[k] = C[k] x[k] + D[k] d[k] + R[k] theta.
 
-    Of n samples, Phi, Gamma and Psi for the n - 1 steps between; d is held from sample to sample. Hold: (n - 1, states,
-    states), what one unit of a held derivative adds to the states; T, S: as in Jacobians, T for the steps.
+    Of n samples, Phi, Gamma and Psi for the n - 1 steps between; d is held from sample to sample. A: (n - 1, states,
+    states), the steps' Jacobian; Hold: the same, what one unit of a held derivative adds to the states; T, S: as in
+    Jacobians, T for the steps.
     """
 
+    A: Array
     Phi: Array
     Gamma: Array
     Psi: Array
@@ -113,11 +115,15 @@ class Lineariser:
         closes between them as closed for half of the step."""
         J = self(piece)
         h = float(piece.time[-1] - piece.time[0]) / (len(piece.time) - 1)
-        scale = self.sampled.nominal[self.followed]
         A, B, P, T = ((M[1:] + M[:-1]) / 2 for M in (J.A, J.B, J.P, J.T))
+        Phi, Hold = self.step(A, h)
+        return Tangent(A, Phi, Hold @ B, Hold @ P, J.C, J.D, J.R, Hold, T, J.S)
+
+    def step(self, A: Array, h: float) -> tuple[Array, Array]:
+        """Phi and Hold of steps of length h with Jacobians A: (n, states, states)."""
+        scale = self.sampled.nominal[self.followed]
         Phi, Hold = exponential(A * scale / scale[:, None], h)
-        Phi, Hold = (M * scale[:, None] / scale for M in (Phi, Hold))
-        return Tangent(Phi, Hold @ B, Hold @ P, J.C, J.D, J.R, Hold, T, J.S)
+        return Phi * scale[:, None] / scale, Hold * scale[:, None] / scale
 
     def added(
         self, parameter: str, values: Mapping[str, Value], time: Array, x: Array, piece: Piece

@@ -114,6 +114,16 @@ class SampledSystem:
             source = piece.inputs.get(wire.source, np.zeros(len(piece.time)))
         return wire.factor * source + wire.offset
 
+    def own_signal(self, name: str, signals: Mapping[str, Array]) -> Array | None:
+        """`component.variable` among recorded signals, an input by the wire into it; None: it was not recorded."""
+        if name in signals:
+            return signals[name]
+        component, variable = name.split(".", 1)
+        for c in self.wires:
+            if (c.sink_component, c.sink) == (component, variable):
+                return c.factor * signals[f"{c.source_component}.{c.source}"] + c.offset
+        return None
+
     def _behind(self, name: str) -> str:
         """`component.variable` behind an output of the system."""
         if name in self.system.outputs:

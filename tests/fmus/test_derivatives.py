@@ -1,4 +1,4 @@
-"""Derivatives of states as variables of their own, and Jacobians by states and parameters (FMI 2.0.4, 2.2.8 and 2.1.9)."""
+"""Derivatives of states as variables, and Jacobians by states and parameters (FMI 2.0.4, 2.2.8 and 2.1.9)."""
 
 from __future__ import annotations
 

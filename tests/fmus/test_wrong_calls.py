@@ -33,6 +33,7 @@ UNKNOWN = (ctypes.c_uint * 1)(99999)
 ONE = (ctypes.c_double * 1)(1.0)
 SIZE = ctypes.c_size_t
 
+
 def first_parameter(s: Any) -> str:
     return next(n for n, v in s.unit.variables.items() if v.causality == "parameter" and v.type == "Real")
 

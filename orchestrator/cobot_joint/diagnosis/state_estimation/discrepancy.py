@@ -61,7 +61,7 @@ class Spectrum:
 
 @dataclass(frozen=True)
 class PortDiscrepancy:
-    """A latent force of one recording. time: s, d and its 1 sigma: (n,), in the unit; alike: ports it may as well be at.
+    """A latent force of one recording. time: s, d and its 1 sigma: (n,), in the unit; alike: ports where it may be, too.
 
     rms, ci95: of the signal behind `d`, noise not counted. seen: share of what it might have been that the recording
     decides; near 0, `d` says nothing. curves: most telling variable first; spectra: one per angle of the unit.
@@ -115,8 +115,8 @@ def discrepancies(
         curves.sort(key=lambda curve: -curve.share)
         found.append(
             PortDiscrepancy(
-                tracked.recording.name, latent.port, port.unit, tuple(alike.get(latent.port, ())), tracked.time, d, sigma,
-                rms, ci95, float(np.mean(1 - np.minimum(sigma / latent.sigma, 1) ** 2)), tuple(curves), tuple(spectra),
+                tracked.recording.name, latent.port, port.unit, alike.get(latent.port, ()), tracked.time, d, sigma, rms,
+                ci95, float(np.mean(1 - np.minimum(sigma / latent.sigma, 1) ** 2)), tuple(curves), tuple(spectra),
             )
         )  # fmt: skip
     return found
@@ -160,7 +160,7 @@ def _over(d: Array, x: Array, variable: str, name: str, tracked: Tracked) -> Cur
 
 
 def _spectrum(evidence: Evidence, port: str, d: Array, phi: Array, name: str) -> Spectrum:
-    """Periods per turn. The peaks' amplitudes are fitted to the recording itself: the smoother takes from quick ones."""
+    """Periods per turn. The peaks' amplitudes are fitted to the recording: the smoother takes from quick ones."""
     turns, fastest = float(np.ptp(phi)) / (2 * np.pi), float(np.abs(np.diff(phi)).max(initial=0.0))
     top = min(ORDERS, NYQUIST / fastest) if fastest else 0.0
     spacing = max(SHARPEST, 0.5 / max(turns, 1e-9))
@@ -194,5 +194,3 @@ def _blocks(n: int, tracked: Tracked) -> list[slice]:
 def _unit(system: Any, name: str) -> str:
     component, variable = name.split(".", 1)
     return system.component(component).unit.unit_of(variable) or ""
-
-

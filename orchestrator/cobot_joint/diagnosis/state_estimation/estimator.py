@@ -153,7 +153,9 @@ class StateEstimator:
         found = backward(steps, self._filter(steps, tracked.recording.step))
         gain = np.sum(found.a[1:, self.d] ** 2, axis=0) / np.maximum(np.sum(found.M[1:, self.d], axis=0), 1e-300)
         factors = np.clip(gain, *CHANGE) ** (FASTER / 2)
-        return self.with_latents([replace(d, sigma=d.sigma * float(f)) for d, f in zip(self.latents, factors, strict=True)])
+        return self.with_latents(
+            [replace(d, sigma=d.sigma * float(f)) for d, f in zip(self.latents, factors, strict=True)]
+        )
 
     def _filter(self, steps: Steps, step: float) -> Filtered:
         Q, R = self._noises(step)

@@ -1,9 +1,9 @@
 """What a term is worth beside the latent forces: its answer in the filter's innovations, and the likelihoods' ratio.
 
 Along the trajectory that the recording shows, a switched-off term is a signal: what a unit of its amplitude adds to the
-derivatives of states and to readings, at the states that the filter has estimated. No run is simulated for it. The filter's
-innovations are white; what a known signal would add to them is a regressor, with everything that the latent forces would
-have taken for their own already gone from it (augmented Kalman filter: de Jong 1991, Annals of Statistics 19(2)).
+derivatives of states and to readings, at the states that the filter has estimated. No run is simulated for it. The
+filter's innovations are white; what a known signal would add to them is a regressor, with everything that the latent
+forces would have taken for their own already gone from it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Tracking:
 
 @dataclass(frozen=True)
 class Effect:
-    """What a unit of something known does in each tracking: psi: (n - 1, states, columns), direct: (n, channels, columns)"""
+    """Of a unit of something known in each tracking. psi: (n - 1, states, columns), direct: (n, channels, columns)"""
 
     psi: Sequence[Array]
     direct: Sequence[Array]
@@ -75,7 +75,9 @@ class Evidence:
         self._pieces = [Piece(t.tracked.time, t.tracked.x, t.tracked.y, _inputs(t), t.tracked.signals)
                         for t in self.trackings]  # fmt: skip
         tangents = [t.tracked.tangents for t in self.trackings]
-        self._Hold, self._T = ([np.concatenate([getattr(p, f) for p in parts]) for parts in tangents] for f in ("Hold", "T"))
+        self._Hold, self._T = (
+            [np.concatenate([getattr(p, f) for p in parts]) for parts in tangents] for f in ("Hold", "T")
+        )
         self._parts: dict[int, tuple[Array, Array]] = {}
         self._S = [np.concatenate([parts[0].S, *(p.S[1:] for p in parts[1:])]) for parts in tangents]
         self._parameters = [name for name in tolerances if any(self._has(t, name) for t in self.trackings)]
@@ -87,7 +89,7 @@ class Evidence:
         self._moved = self._held @ (self._base.gradient + self._prior * self._centre)
 
     def score(self, terms: Sequence[TermCandidate], refined: int = 0) -> list[TermScore]:
-        """Best first. refined: how many of the best get their evidence, with the latent forces' sizes estimated again."""
+        """Best first. refined: how many get their evidence, with the latent forces' sizes estimated again."""
         found = [(best, term) for term in terms if (best := self._best(term)) is not None]
         found.sort(key=lambda pair: -pair[0].gain)
         if refined:
@@ -119,8 +121,8 @@ class Evidence:
         return found
 
     def signal(self, port: str, values: Sequence[Array]) -> Effect:
-        """Of known signals at a latent's port: values: per recording ((n - 1) POINTS, columns), in the middle of the parts
-        of each step. Where the port feeds a reading, the first part's value is taken for the sample's."""
+        """Of known signals at a latent's port: values: per recording ((n - 1) POINTS, columns), in the middle of the
+        parts of each step. Where the port feeds a reading, the first part's value is taken for the sample's."""
         psi, direct = [], []
         for n, (t, v) in enumerate(zip(self.trackings, values, strict=True)):
             column = t.estimator.ports.index(port)
@@ -144,7 +146,9 @@ class Evidence:
         for first in range(0, len(combinations), TOGETHER):
             some = combinations[first : first + TOGETHER]
             groups = [slice(k * width, (k + 1) * width) for k in range(len(some))]
-            for shapes, (theta, covariance, gain) in zip(some, self.gls(self._of_term(term, some), groups), strict=True):
+            for shapes, (theta, covariance, gain) in zip(
+                some, self.gls(self._of_term(term, some), groups), strict=True
+            ):
                 if gain <= (best.gain if best else 0.0):
                     continue
                 sigma = float(np.sqrt(np.trace(covariance) / width))
@@ -157,7 +161,8 @@ class Evidence:
 
     def _likelihood(self, terms: Sequence[tuple[TermCandidate, TermScore]]) -> float:
         """Log of the likelihood with base parameters and terms at their most likely values and the latent forces' sizes
-        estimated again, less half the logarithm of the number of readings per coefficient (Schwarz 1978, Ann. Stat. 6)."""
+        estimated again, less half the logarithm of the number of readings per coefficient (Schwarz 1978, Ann. Stat. 6).
+        """
         parts = [self.base, *(self._of_term(term, [score.shapes]) for term, score in terms)]
         psi = [np.concatenate([p.psi[n] for p in parts], axis=2) for n in range(len(self.trackings))]
         direct = [np.concatenate([p.direct[n] for p in parts], axis=2) for n in range(len(self.trackings))]
@@ -221,7 +226,7 @@ class Evidence:
         return np.stack(psi, axis=-1), self._S[n] @ np.stack(samples, axis=-1)
 
     def _inside(self, n: int, amplitude: str, values: Mapping[str, Value]) -> Array:
-        """(n - 1, states): of what changes between two samples, summed over parts of the step; states are linear in it."""
+        """(n - 1, states): of what changes within a step, summed over parts of it; states are linear in between."""
         t, piece = self.trackings[n], self._pieces[n]
         x, steps = t.tracked.x, len(t.tracked.x) - 1
         share = np.tile((np.arange(POINTS) + 0.5) / POINTS, steps)[:, None]
@@ -249,7 +254,11 @@ class Evidence:
         parts = [self._of_term(TermCandidate(p, "", "", p, 0.0, -np.inf, np.inf, ""), [{}]) for p in self._parameters]
         psi, direct = [], []
         for n, t in enumerate(self.trackings):
-            psi.append(np.concatenate([p.psi[n] for p in parts] or [np.zeros((len(t.tracked.time) - 1, t.estimator.x.stop, 0))], axis=2))
+            psi.append(
+                np.concatenate(
+                    [p.psi[n] for p in parts] or [np.zeros((len(t.tracked.time) - 1, t.estimator.x.stop, 0))], axis=2
+                )
+            )
             direct.append(np.concatenate([p.direct[n] for p in parts] or [np.zeros((*t.tracked.y.shape, 0))], axis=2))
         return Effect(psi, direct)
 
@@ -292,4 +301,3 @@ def _times(M: Array, v: Array) -> Array:
 def _inputs(t: Tracking) -> dict[str, Array]:
     latents = t.tracked.reference[:, t.estimator.d]
     return {**t.tracked.recording.inputs, **{p: latents[:, j] for j, p in enumerate(t.estimator.ports)}}
-

@@ -2,8 +2,8 @@
 
 z[k] = F[k] (z[k-1] + jump[k]) + w[k],  r[k] = H[k] z[k] + v[k];  cov w = diag Q, cov v = diag R.
 
-Filter: Kalman 1960, J. Basic Eng. 82(1), channel after channel. Smoother: Bryson and Frazier's in the modified form, which
-inverts no covariance.
+Filter: Kalman 1960, J. Basic Eng. 82(1), channel after channel. Smoother: Bryson and Frazier's in the modified form,
+which inverts no covariance.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Steps:
-    """n samples of N deviations and m channels. F: (n, N, N), jump: (n, N), H: (n, m, N); r: (n, m), NaN: not recorded."""
+    """n samples, N deviations, m channels. F: (n, N, N), jump: (n, N), H: (n, m, N); r: (n, m), NaN: not recorded."""
 
     F: Array
     jump: Array
@@ -39,8 +39,8 @@ class Steps:
 class Filtered:
     """What a filter found. Predicted from earlier samples, updated with the present one.
 
-    predicted, updated: (n, N); P: covariance of `predicted`, (n, N, N). Of channels one after the other: e: innovations,
-    (n, m), precision: 1/variance, (n, m), both 0 where not recorded, K: gains, (n, m, N). P_end: covariance of the last
+    predicted, updated: (n, N); P: covariance of `predicted`, (n, N, N). Of channels one after the other: e:
+    innovations, (n, m), precision: 1/variance, (n, m), both 0 where not recorded, K: gains, (n, m, N). P_end: covariance of the last
     `updated`; log_likelihood: of the innovations, but for its constant.
     """
 
@@ -88,7 +88,7 @@ class _Filtered(ctypes.Structure):
 
 
 def forward(steps: Steps, Q: Array, R: Array, z: Array, P: Array, begins: bool = True) -> Filtered:
-    """Q: (N,), R: (m,), z: (N,), P: (N, N). begins: the first sample is where z and P belong, nothing moves before it."""
+    """Q: (N,), R: (m,), z: (N,), P: (N, N). begins: z and P belong to the first sample."""
     n, m, N = steps.H.shape
     found = Filtered(np.empty((n, N)), np.empty((n, N)), np.empty((n, N, N)), np.empty((n, m)), np.empty((n, m)),
                      np.empty((n, m, N)), np.array(P), 0.0)  # fmt: skip

@@ -26,7 +26,11 @@ STRETCH = 4.0  # s of a recording that they are estimated from
 
 @dataclass(frozen=True)
 class Structure:
-    """What a system's free run says before filtering. followed: states that a channel depends on, by number. latents: one per port that these channels tell apart. alike: of such a port, the others it stands for."""
+    """What a system's free run says before filtering.
+
+    followed: states that a channel depends on, by number. latents: one per port that these channels tell apart. alike:
+    of such a port, the others it stands for.
+    """
 
     followed: list[int]
     latents: tuple[Latent, ...]

@@ -1,9 +1,10 @@
-"""A system's Jacobians along a run: those of its units, joined along the wires; and its tangent from sample to sample."""
+"""A system's Jacobians along a run: those of its units, joined along the wires; its tangent from sample to sample."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,8 +112,8 @@ class Lineariser:
         return Jacobians(A, B, C, D, P, R, T, S)
 
     def tangent(self, piece: Piece) -> Tangent:
-        """From sample to sample: over a step the Jacobians are the means of those at its ends, which takes a contact that
-        closes between them as closed for half of the step."""
+        """From sample to sample: over a step the Jacobians are the means of those at its ends, which takes a contact
+        that closes between them as closed for half of the step."""
         J = self(piece)
         h = float(piece.time[-1] - piece.time[0]) / (len(piece.time) - 1)
         A, B, P, T = ((M[1:] + M[:-1]) / 2 for M in (J.A, J.B, J.P, J.T))
@@ -159,7 +160,7 @@ class Lineariser:
         points = np.column_stack(columns)[rows] if columns else np.zeros((len(time), 0))
         J = np.empty((len(time), len(part.unknown), len(part.directions)))
         borders = np.searchsorted(time, [-np.inf, *sorted(sampled.onsets.values()), np.inf])
-        for begin, end in zip(borders[:-1], borders[1:], strict=True):
+        for begin, end in pairwise(borders):
             if begin == end:
                 continue
             values = sampled.values_of(name, float(time[begin]))
@@ -177,9 +178,7 @@ class Lineariser:
         mine = [(j, p.split(".", 1)[1]) for j, p in enumerate(self.parameters) if p.startswith(f"{name}.")]
         columns = [(s.variable, ("x", k, 1.0)) for k, s in followed]
         columns += [(c.sink, ("u", j, 1.0)) for j, c in wired]
-        columns += [
-            (c.sink, ("d", self.ports.index(c.source), c.factor)) for c in entering if c.source in self.ports
-        ]
+        columns += [(c.sink, ("d", self.ports.index(c.source), c.factor)) for c in entering if c.source in self.ports]
         columns += [(p, ("p", j, 1.0)) for j, p in mine]
         return _Part(
             component,

@@ -11,7 +11,9 @@ from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.conditioning import condition
 
 MOST = 0.9  # correlation from sample to sample; what is more is a signal
-MORE = 1.5  # times the stated noise from which what was estimated is a signal in part, and its colour is not the noise's
+MORE = (
+    1.5  # times the stated noise from which what was estimated is a signal in part, and its colour is not the noise's
+)
 
 
 @dataclass(frozen=True)

@@ -49,5 +49,7 @@ def _best(d: PortDiscrepancy) -> Curve:
 def _banded(figure: go.Figure, row: int, column: int, x: object, y: object, half: object) -> None:
     low, high = y - half, y + half  # type: ignore[operator]
     figure.add_scatter(x=x, y=high, line={"width": 0}, hoverinfo="skip", row=row, col=column)
-    figure.add_scatter(x=x, y=low, line={"width": 0}, fill="tonexty", fillcolor=BAND, hoverinfo="skip", row=row, col=column)
+    figure.add_scatter(
+        x=x, y=low, line={"width": 0}, fill="tonexty", fillcolor=BAND, hoverinfo="skip", row=row, col=column
+    )
     figure.add_scatter(x=x, y=y, line={"color": LINE}, row=row, col=column)

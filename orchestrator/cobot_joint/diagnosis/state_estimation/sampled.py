@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.cosim import Simulation
-from cobot_joint.diagnosis.state_estimation.states import StateVariable, states_of, why_none
+from cobot_joint.diagnosis.state_estimation.states import states_of, why_none
 from cobot_joint.errors import UserError
 from cobot_joint.system.model import Connection, Inputs, System, Value
 

@@ -1,8 +1,8 @@
 """The states of a system, as far as its units let them be read and set.
 
-FMI 2.0 has no call that sets a state between two steps. A state with a start value can be set before a run, though, and a
-run may begin at any time: a run from a given state is a run that begins there. Which variables are states a unit says by
-listing their derivatives in its ModelStructure (FMI 2.0.4, 2.2.8).
+FMI 2.0 has no call that sets a state between two steps. A state with a start value can be set before a run, though, and
+a run may begin at any time: a run from a given state is a run that begins there. Which variables are states a unit says
+by listing their derivatives in its ModelStructure (FMI 2.0.4, 2.2.8).
 """
 
 from __future__ import annotations

@@ -19,7 +19,11 @@ from cobot_joint.system.read import load_system
 from tests.orchestrator.diagnosis.state_estimation.rig import COGGING, NOISE, SIGMA, bench, recorded, run
 
 PLANT = FmuPlant({"loaded": load_system("joint_logged")})
-TOLERANCES = {"motor_bldc.winding.R": (0.0, 0.006), "motor_bldc.friction.d": (0.0, 1e-6), "planetary_gear.mesh.eta": (0.0, 0.03)}
+TOLERANCES = {
+    "motor_bldc.winding.R": (0.0, 0.006),
+    "motor_bldc.friction.d": (0.0, 1e-6),
+    "planetary_gear.mesh.eta": (0.0, 0.03),
+}
 
 
 def tracking(stack: ExitStack, values: Mapping[str, float]) -> tuple[Tracking, dict[str, tuple[str, ...]]]:
@@ -48,12 +52,15 @@ def test_a_term_outranks_its_rivals_and_has_its_amplitude(stack: ExitStack) -> N
     assert best.term == "mr_brake_belt.pulley_eccentricity"
     assert best.amplitude == pytest.approx(0.03, rel=0.15)
     assert best.phase == pytest.approx(1.0, abs=0.15)
-    assert best.evidence is not None and best.evidence > 100
+    assert best.evidence is not None
+    assert best.evidence > 100
 
 
 def test_a_healthy_machine_gives_no_term_evidence(stack: ExitStack) -> None:
     found, _ = tracking(stack, {"motor_bldc.winding.R": 0.209 * 1.02})
-    terms = [t for t in PLANT.terms if t.name.split(".")[1] in {"imbalance", "windage", "gain", "offset", "load_friction"}]
+    terms = [
+        t for t in PLANT.terms if t.name.split(".")[1] in {"imbalance", "windage", "gain", "offset", "load_friction"}
+    ]
     scores = Evidence([found], TOLERANCES).score(terms, refined=3)
     assert all(s.evidence is None or s.evidence < 5 for s in scores)
 
@@ -87,5 +94,5 @@ def test_friction_that_is_off_is_a_curve_over_speed_and_its_size_is_stated(stack
     true = float(np.sqrt(np.mean((1.05e-5 * 2 / 3 * w) ** 2)))
     assert torque.ci95[0] < true < torque.ci95[1]
     entry = torque.to_json()
-    assert entry["port"] == "motor_bldc.tau_add" and entry["unit"] == "N.m" and entry["variable"] == "w"
+    assert (entry["port"], entry["unit"], entry["variable"]) == ("motor_bldc.tau_add", "N.m", "w")
     assert len(picture(found).data) > 3 * len(found)

@@ -27,8 +27,10 @@ def propagate(tangent: Tangent, d: np.ndarray, theta: np.ndarray) -> np.ndarray:
 
 
 def assert_alike(found: np.ndarray, expected: np.ndarray) -> None:
-    """Current and speed throughout; the torque where flanks stay in contact: an impact's millisecond is its own. A hundredth
-    of the logger's noise is the roughness of two simulations."""
+    """Current and speed throughout; the torque where flanks stay in contact: an impact's millisecond is its own.
+
+    A hundredth of the logger's noise is the roughness of two simulations.
+    """
     error, size = found - expected, np.std(expected, axis=0)
     assert np.all(np.std(error, axis=0)[:2] < 0.07 * size[:2])
     assert np.std(error[700:1500, 2]) < 0.01 * (size[2] + SIGMA["tau_sensor"])
@@ -96,5 +98,5 @@ def test_a_unit_that_lists_no_derivatives_allows_no_state_to_be_set(axis: Path) 
     system = load_system(axis)
     assert states_of(system) is None
     assert why_none(system) == "axis (axis.fmu) does not list the derivatives of its states"
-    with pytest.raises(UserError, match="axis.fmu"):
+    with pytest.raises(UserError, match=r"axis\.fmu"):
         SampledSystem(system, [])

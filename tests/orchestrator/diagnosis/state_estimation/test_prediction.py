@@ -33,9 +33,9 @@ def test_cogging_whose_phase_a_free_run_loses_is_worse_than_none_there_and_right
     recording = recorded(run({**COGGING, **other}, seconds=6.0))
     base, right = {}, dict(COGGING)
     assert free_error(recording, right) > free_error(recording, base)
-    figures = predicted_figures(
-        [recording], {"base": Variant(BASE, base), "cogging": Variant(BASE, right)}, NOISE
-    )["i_motor"]
+    figures = predicted_figures([recording], {"base": Variant(BASE, base), "cogging": Variant(BASE, right)}, NOISE)[
+        "i_motor"
+    ]
     assert figures["cogging"] < 0.8 * figures["base"]
 
 
@@ -74,7 +74,7 @@ def test_nothing_is_predicted_in_a_gap_and_all_of_the_rest() -> None:
 def test_a_prediction_begins_at_a_state_that_knows_nothing_of_the_samples_it_predicts(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """What is recorded from a piece's beginning on does not move the prediction there, the latents' sizes being given."""
+    """What is recorded from a piece's beginning on does not move the prediction there, the sizes being given."""
     monkeypatch.setattr(prediction, "with_sizes", lambda estimator, tracked: estimator)
     recording = recorded(run(seconds=1.0))
     before = predict(recording, Variant(BASE), NOISE)

@@ -61,7 +61,7 @@ class Spectrum:
 
 @dataclass(frozen=True)
 class PortDiscrepancy:
-    """A latent force of one recording. time: s, d and its 1 sigma: (n,), in the unit; alike: ports where it may be, too.
+    """A latent force of one recording. time: s, d and its 1 sigma: (n,), in the unit; alike: ports it may be at, too.
 
     rms, ci95: of the signal behind `d`, noise not counted. seen: share of what it might have been that the recording
     decides; near 0, `d` says nothing. curves: most telling variable first; spectra: one per angle of the unit.

@@ -58,16 +58,7 @@ def verify(folder: Path, campaign: Campaign) -> dict[str, Any]:
     quality = condition(campaign)
     figures = channel_figures(compared)
     noise = {name: (diagnosis["channels"].get(name) or {}).get("noise") or quality[name].noise for name in figures}
-    nominal = {setup: load_system(path) for setup, path in campaign.setups.items()}
-    predicted = predicted_figures(
-        campaign.holdout,
-        {
-            "nominal": Variant(nominal),
-            "calibrated": Variant(nominal, calibrated),
-            "repaired": Variant(repaired_systems(campaign, folder)),
-        },
-        noise_of(campaign),
-    )
+    predicted = predicted_figures(campaign.holdout, variants(campaign, folder, calibrated), noise_of(campaign))
     content = {
         "system": system,
         "channels": {
@@ -77,6 +68,16 @@ def verify(folder: Path, campaign: Campaign) -> dict[str, Any]:
     write_atomically(folder / "verify.parquet", lambda file: pyarrow.parquet.write_table(table(compared), file))
     write_json(folder / "verify.json", content)
     return content
+
+
+def variants(campaign: Campaign, folder: Path, calibrated: Mapping[str, float]) -> dict[str, Variant]:
+    """The system as specified, as re-fitted, and as the folder has it repaired."""
+    nominal = campaign.systems()
+    return {
+        "nominal": Variant(nominal),
+        "calibrated": Variant(nominal, calibrated),
+        "repaired": Variant(repaired_systems(campaign, folder)),
+    }
 
 
 def read_diagnosis(folder: Path) -> dict[str, Any]:

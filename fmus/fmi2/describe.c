@@ -83,9 +83,25 @@ static void exponent(const char *name, int n) {
   if (n) printf(" %s=\"%d\"", name, n);
 }
 
-static int used(const char *unit) {
-  for (int i = 0; i < N_PUBLIC; i++)
+/* of the derivative of what has this unit: (rad/s)/s */
+static const char *unit_per_second(char out[NAME_SIZE], const char *unit) {
+  const int fraction = strchr(unit, '/') != NULL;
+  snprintf(out, NAME_SIZE, "%s%s%s/s", fraction ? "(" : "", unit, fraction ? ")" : "");
+  return out;
+}
+
+static int is_of_state(const char *unit) {
+  for (int i = 0; i < N_STATE; i++)
     if (strcmp(REAL_INFO[i].unit, unit) == 0) return 1;
+  return 0;
+}
+
+static int used(const char *unit) {
+  char per_second[NAME_SIZE];
+  for (int i = 0; i < N_PUBLIC; i++) {
+    if (strcmp(REAL_INFO[i].unit, unit) == 0) return 1;
+    if (i < N_STATE && strcmp(unit_per_second(per_second, REAL_INFO[i].unit), unit) == 0) return 1;
+  }
   return 0;
 }
 
@@ -151,6 +167,19 @@ static void xml_boolean(int i) {
          r->start ? "true" : "false");
 }
 
+/* of a state, behind all other variables */
+static void xml_derivative(int i) {
+  char name[NAME_SIZE], text[NAME_SIZE], unit[NAME_SIZE];
+  snprintf(name, sizeof name, "der(%s)", REAL_INFO[i].name);
+  snprintf(text, sizeof text, "derivative of %s", REAL_INFO[i].name);
+  scalar("", name, (unsigned)(FIRST_DER + i), text, "local", "continuous", "calculated");
+  printf("<Real unit=\"%s\" derivative=\"%d\" nominal=\"%.17g\"/></ScalarVariable>\n",
+         unit_per_second(unit, REAL_INFO[i].unit), i + 1, REAL_INFO[i].nominal);
+}
+
+/* index in ModelVariables, from 1 */
+static int index_of_derivative(int i) { return N_PUBLIC + N_INTEGER - 1 + N_BOOLEAN - 1 + i + 1; }
+
 static int is_output(int i) {
   const RealInfo *r = &REAL_INFO[i];
   return r->kind == IS_OUTPUT || r->kind == IS_INTEGRAL || (r->kind == IS_STATE && strcmp(r->feeds, "output") == 0);
@@ -168,10 +197,17 @@ static int index_of_input(const char *name, size_t length) {
   return -1;
 }
 
+/* an output depends on the inputs it feeds through and, unless it is one, on states */
 static int xml_unknown(int index, const char *feeds) {
   int bad = 0;
+  const char *sep = "";
   printf("      <Unknown index=\"%d\" dependencies=\"", index);
-  for (const char *sep = ""; *feeds; sep = " ") {
+  for (int i = 1; i <= N_STATE; i++) {
+    if (index <= N_STATE && index != i) continue;
+    printf("%s%d", sep, i);
+    sep = " ";
+  }
+  for (; *feeds; sep = " ") {
     const size_t length = strcspn(feeds, " ");
     const int input = index_of_input(feeds, length);
     bad |= input < 0;
@@ -191,13 +227,18 @@ static int xml_structure(void) {
     if (INTEGER_INFO[i].kind == IS_OUTPUT) bad |= xml_unknown(N_PUBLIC + i, INTEGER_INFO[i].feeds);
   for (int i = 1; i < N_BOOLEAN; i++)
     if (BOOLEAN_INFO[i].kind == IS_OUTPUT) bad |= xml_unknown(N_PUBLIC + N_INTEGER - 1 + i, BOOLEAN_INFO[i].feeds);
-  printf("    </Outputs>\n    <InitialUnknowns>\n");
+  printf("    </Outputs>\n");
+  if (N_STATE > 0) printf("    <Derivatives>\n");
+  for (int i = 0; i < N_STATE; i++) printf("      <Unknown index=\"%d\"/>\n", index_of_derivative(i));
+  if (N_STATE > 0) printf("    </Derivatives>\n");
+  printf("    <InitialUnknowns>\n");
   for (int i = 0; i < N_PUBLIC; i++)
     if (REAL_INFO[i].kind != IS_STATE && is_output(i)) printf("      <Unknown index=\"%d\"/>\n", i + 1);
   for (int i = 1; i < N_INTEGER; i++)
     if (INTEGER_INFO[i].kind == IS_OUTPUT) printf("      <Unknown index=\"%d\"/>\n", N_PUBLIC + i);
   for (int i = 1; i < N_BOOLEAN; i++)
     if (BOOLEAN_INFO[i].kind == IS_OUTPUT) printf("      <Unknown index=\"%d\"/>\n", N_PUBLIC + N_INTEGER - 1 + i);
+  for (int i = 0; i < N_STATE; i++) printf("      <Unknown index=\"%d\"/>\n", index_of_derivative(i));
   printf("    </InitialUnknowns>\n  </ModelStructure>\n");
   return bad;
 }
@@ -243,6 +284,21 @@ static void xml_enumerations(void) {
   if (any) printf("  </TypeDefinitions>\n");
 }
 
+static void xml_unit(const char *name, const UnitOfMeasure *u, int per_second) {
+  printf("    <Unit name=\"%s\"><BaseUnit", name);
+  exponent("kg", u->kg);
+  exponent("m", u->m);
+  exponent("s", u->s - per_second);
+  exponent("A", u->A);
+  exponent("K", u->K);
+  exponent("rad", u->rad);
+  if (u->factor != 1) printf(" factor=\"%.17g\"", u->factor);
+  printf("/>");
+  const DisplayUnit *d = display_unit(name);
+  if (d) printf("<DisplayUnit name=\"%s\" factor=\"%.17g\"/>", d->name, d->factor);
+  printf("</Unit>\n");
+}
+
 static int xml(const char *version) {
   int bad = 0;
   printf("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"2.0\" modelName=\"%s\" "
@@ -260,20 +316,10 @@ static int xml(const char *version) {
          UNIT_NAME);
   printf("  <UnitDefinitions>\n");
   for (size_t i = 0; i < sizeof UNITS / sizeof *UNITS; i++) {
-    const UnitOfMeasure *u = &UNITS[i];
-    if (!used(u->name)) continue;
-    printf("    <Unit name=\"%s\"><BaseUnit", u->name);
-    exponent("kg", u->kg);
-    exponent("m", u->m);
-    exponent("s", u->s);
-    exponent("A", u->A);
-    exponent("K", u->K);
-    exponent("rad", u->rad);
-    if (u->factor != 1) printf(" factor=\"%.17g\"", u->factor);
-    printf("/>");
-    const DisplayUnit *d = display_unit(u->name);
-    if (d) printf("<DisplayUnit name=\"%s\" factor=\"%.17g\"/>", d->name, d->factor);
-    printf("</Unit>\n");
+    char per_second[NAME_SIZE];
+    if (used(UNITS[i].name)) xml_unit(UNITS[i].name, &UNITS[i], 0);
+    if (is_of_state(UNITS[i].name) && !known(unit_per_second(per_second, UNITS[i].name)))
+      xml_unit(per_second, &UNITS[i], 1);
   }
   printf("  </UnitDefinitions>\n");
   xml_enumerations();
@@ -292,6 +338,7 @@ static int xml(const char *version) {
   }
   for (int i = 1; i < N_INTEGER; i++) xml_integer(i);
   for (int i = 1; i < N_BOOLEAN; i++) xml_boolean(i);
+  for (int i = 0; i < N_STATE; i++) xml_derivative(i);
   printf("  </ModelVariables>\n");
   bad |= xml_structure();
   printf("</fmiModelDescription>\n");

@@ -97,6 +97,20 @@ static void refresh(Unit *m) {
   m->stale = 0;
 }
 
+/* While initializing, a unit is a function of states, inputs and parameters: values whose time has come hold, and every event
+ * that is due has happened, so that a gear whose flanks overlap is in contact. false: events follow each other without end. */
+static bool settle(Instance *c) {
+  if (c->phase == INITIALIZATION && apply_late(&c->late, &c->unit)) c->unit.restart = 1;
+#if defined UNIT_EVENTS
+  const bool moved = c->unit.restart || c->unit.stale;
+#endif
+  refresh(&c->unit);
+#if defined UNIT_EVENTS
+  if (c->phase == INITIALIZATION && moved) return events_here(&c->unit);
+#endif
+  return true;
+}
+
 fmi2Status fmi2EnterInitializationMode(fmi2Component component) {
   NEEDS(INSTANTIATED);
   c->phase = INITIALIZATION;
@@ -105,13 +119,10 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component component) {
 
 fmi2Status fmi2ExitInitializationMode(fmi2Component component) {
   NEEDS(INITIALIZATION);
-  refresh(&c->unit);
-#if defined UNIT_EVENTS
-  if (!events_here(&c->unit)) { /* a unit may start on the far side of an event: in contact, say */
+  if (!settle(c)) { /* a unit may start on the far side of an event: in contact, say */
     c->phase = FAILED;
     FAIL(c, "fmi2ExitInitializationMode: events follow each other without end");
   }
-#endif
   for (int i = 0; i < N_PUBLIC; i++)
     if (!isfinite(c->unit.real[i])) {
       char name[NAME_SIZE];

@@ -138,7 +138,26 @@ fmi2Status fmi2GetRealStatus(fmi2Component component, const fmi2StatusKind kind,
   return fmi2OK;
 }
 
-/* feed-through: d unknown / d known . dv, states held, by a central difference */
+/* Of the unknowns: outputs and derivatives of states. Of the knowns: inputs and states, and while initializing parameters. */
+static bool is_unknown(fmi2ValueReference vr) {
+  if (vr >= N_PUBLIC) return vr < FIRST_DER + N_STATE;
+  return REAL_INFO[vr].kind <= IS_OUTPUT && REAL_INFO[vr].kind != IS_INPUT;
+}
+
+static bool is_known(const Instance *c, fmi2ValueReference vr) {
+  if (vr >= N_PUBLIC) return false;
+  const Kind kind = REAL_INFO[vr].kind;
+  return kind == IS_INPUT || kind == IS_STATE || (kind == IS_PARAMETER && c->phase == INITIALIZATION);
+}
+
+/* what counts as much of a variable: of a parameter its value, which may be 1e-6 or 1e6 */
+static double size_of(const Unit *m, fmi2ValueReference vr) {
+  const bool parameter = REAL_INFO[vr].kind == IS_PARAMETER && m->real[vr] != 0;
+  return parameter ? fabs(m->real[vr]) : REAL_INFO[vr].nominal;
+}
+
+/* d unknown / d known . dv by a central difference, events held (FMI 2.0.4, 2.1.9 and 2.2.8: with Derivatives listed, states are
+ * among the knowns and their derivatives among the unknowns of a co-simulation unit) */
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2ValueReference unknown[], size_t n_unknown,
                                         const fmi2ValueReference known[], size_t n_known, const fmi2Real dv[],
                                         fmi2Real dz[]) {
@@ -147,16 +166,19 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2Value
   if (n_unknown > 0) NEEDS_POINTER(dz);
   if (n_known > 0) NEEDS_POINTER(known);
   if (n_known > 0) NEEDS_POINTER(dv);
-  refresh(&c->unit);
+  if (!settle(c)) FAIL(c, "fmi2GetDirectionalDerivative: events follow each other without end");
   for (size_t i = 0; i < n_unknown; i++)
-    if (unknown[i] >= N_PUBLIC || REAL_INFO[unknown[i]].kind > IS_OUTPUT || REAL_INFO[unknown[i]].kind == IS_INPUT)
-      FAIL(c, "fmi2GetDirectionalDerivative: unknown %u is no real output", unknown[i]);
+    if (!is_unknown(unknown[i]))
+      FAIL(c, "fmi2GetDirectionalDerivative: unknown %u is no real output and no derivative of a state", unknown[i]);
   double length = 0;
+  bool parameters = false;
   for (size_t j = 0; j < n_known; j++) {
-    if (known[j] >= N_PUBLIC || REAL_INFO[known[j]].kind != IS_INPUT)
-      FAIL(c, "fmi2GetDirectionalDerivative: known %u is no real input", known[j]);
+    if (!is_known(c, known[j]))
+      FAIL(c, "fmi2GetDirectionalDerivative: known %u is no real input or state, nor a parameter of a unit that is %s",
+           known[j], PHASE_NAME[INITIALIZATION]);
     if (!isfinite(dv[j])) FAIL(c, "fmi2GetDirectionalDerivative: dv[%d] is not finite", (int)j);
-    length = fmax(length, fabs(dv[j]) / REAL_INFO[known[j]].nominal);
+    length = fmax(length, fabs(dv[j]) / size_of(&c->unit, known[j]));
+    parameters |= REAL_INFO[known[j]].kind == IS_PARAMETER;
   }
   const double eps = length > 0 ? 1e-6 / length : 0;
   Unit near = c->unit;
@@ -164,6 +186,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2Value
   for (int side = -1; side <= 1; side += 2) {
     for (size_t j = 0; j < n_known; j++) near.real[known[j]] = c->unit.real[known[j]];
     for (size_t j = 0; j < n_known; j++) near.real[known[j]] += side * eps * dv[j];
+    if (parameters) unit_start(&near);
     unit_equations(&near);
     for (size_t i = 0; i < n_unknown; i++)
       dz[i] = eps == 0 ? 0 : side < 0 ? near.real[unknown[i]] : (near.real[unknown[i]] - dz[i]) / (2 * eps);

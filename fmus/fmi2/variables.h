@@ -6,8 +6,9 @@
 
 fmi2Status fmi2GetReal(fmi2Component component, const fmi2ValueReference vr[], size_t n, fmi2Real value[]) {
   NEEDS(READABLE);
-  CHECK_LIST(0, N_PUBLIC, "real");
-  if (c->phase & (INITIALIZATION | STEPPING)) refresh(&c->unit);
+  CHECK_LIST(0, FIRST_DER + N_STATE, "real");
+  if ((c->phase & (INITIALIZATION | STEPPING)) && !settle(c))
+    FAIL(c, "fmi2GetReal: events follow each other without end");
   for (size_t i = 0; i < n; i++) value[i] = c->unit.real[vr[i]];
   return fmi2OK;
 }

@@ -165,6 +165,9 @@ def _load(path: Path, directory: Path) -> Unit:
         raise UserError(f"{path}: modelDescription.xml: {' '.join(str(error).split())}") from error
     if description.fmiVersion != "2.0" or description.coSimulation is None:
         raise UserError(f"{path}: FMI {description.fmiVersion} is given, FMI 2.0 co-simulation is needed")
+    for unknown in description.outputs:  # here only: what an output feeds through, not the states that it shows
+        if unknown.dependencies is not None:
+            unknown.dependencies = [v for v in unknown.dependencies if v.causality == "input"]
     annotations = root.find(f"VendorAnnotations/Tool[@name='{TOOL}']")
     terms: tuple[Term, ...] = ()
     flanges: tuple[Flange, ...] = ()

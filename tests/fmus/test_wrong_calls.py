@@ -33,6 +33,11 @@ UNKNOWN = (ctypes.c_uint * 1)(99999)
 ONE = (ctypes.c_double * 1)(1.0)
 SIZE = ctypes.c_size_t
 
+
+def first_parameter(s: Any) -> str:
+    return next(n for n, v in s.unit.variables.items() if v.causality == "parameter" and v.type == "Real")
+
+
 WHILE_STEPPING: dict[str, tuple[Call, str]] = {
     "read of an unknown real": (lambda s: s.fmu.getReal([99999]), "99999"),
     "read of an unknown integer": (lambda s: s.fmu.getInteger([99999]), "99999"),
@@ -79,8 +84,12 @@ WHILE_STEPPING: dict[str, tuple[Call, str]] = {
         "no real output",
     ),
     "directional derivative along an output": (
-        lambda s: s.fmu.getDirectionalDerivative(s.vr(s.outputs()[0]), s.vr(s.outputs()[0]), [1.0]),
+        lambda s: s.fmu.getDirectionalDerivative(s.vr(s.outputs()[0]), s.vr(s.outputs()[-1]), [1.0]),
         "no real input",
+    ),
+    "directional derivative by a parameter while stepping": (
+        lambda s: s.fmu.getDirectionalDerivative(s.vr(s.outputs()[0]), s.vr(first_parameter(s)), [1.0]),
+        "nor a parameter",
     ),
     "directional derivative along NaN": (
         lambda s: s.fmu.getDirectionalDerivative(s.vr(s.outputs()[0]), s.vr(s.inputs()[0]), [NAN]),

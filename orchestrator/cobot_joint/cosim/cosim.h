@@ -104,6 +104,27 @@ COSIM_API int cosim_advance(Master *m, int64_t tick, double *rows);
 /* Writes the row of the present tick. */
 COSIM_API int cosim_record(Master *m, double *row);
 
+typedef struct { /* a unit as a function of known variables; reals, integers and booleans have the same values at all points */
+  fmi2Component component;
+  fmi2ResetTYPE *reset;
+  fmi2SetupExperimentTYPE *setup_experiment;
+  fmi2EnterInitializationModeTYPE *enter_initialization_mode;
+  fmi2SetRealTYPE *set_real;
+  fmi2SetIntegerTYPE *set_integer;
+  fmi2SetBooleanTYPE *set_boolean;
+  fmi2GetRealTYPE *get_real;
+  fmi2GetDirectionalDerivativeTYPE *get_directional_derivative;
+  Variables reals, integers, booleans;
+  const double *real_values;
+  const int32_t *integer_values, *boolean_values;
+  Variables known, unknown, directions; /* directions: known variables and parameters */
+  char message[256];
+} PointFunction;
+/* time: [n_points]; known: [n_points][known.n]; unknown: [n_points][unknown.n], filled;
+ * jacobian: [n_points][directions.n][unknown.n], filled, or NULL */
+COSIM_API int cosim_points(PointFunction *f, size_t n_points, const double *time, const double *known, double *unknown,
+                           double *jacobian);
+
 /* A unit's logger: its componentEnvironment is a Log, which keeps the last message that was no good news. */
 typedef struct {
   char last[1024];

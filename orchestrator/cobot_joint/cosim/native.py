@@ -19,7 +19,7 @@ class _Wire(ctypes.Structure):
     _fields_ = [("signal", c_int32), ("factor", c_double), ("offset", c_double)]
 
 
-class _Variables(ctypes.Structure):
+class Variables(ctypes.Structure):
     _fields_ = [("n", c_size_t), ("refs", POINTER(c_uint32))]
 
 
@@ -45,9 +45,9 @@ class _Unit(ctypes.Structure):
         ("name", c_char_p),
         ("component", c_void_p),
         *((field, c_void_p) for field in _FUNCTIONS),
-        *((field, _Variables) for field in _VARIABLES[:3]),
+        *((field, Variables) for field in _VARIABLES[:3]),
         ("wires", POINTER(_Wire)),
-        *((field, _Variables) for field in _VARIABLES[3:]),
+        *((field, Variables) for field in _VARIABLES[3:]),
         ("first_signal", c_int32),
         ("input_order", c_int32),
         ("holds_end", c_int32),
@@ -119,7 +119,7 @@ class Tables:
         for field, refs in zip(_VARIABLES, columns, strict=True):
             array = (c_uint32 * len(refs))(*refs)
             self._alive.append(array)
-            setattr(unit, field, _Variables(len(refs), array))
+            setattr(unit, field, Variables(len(refs), array))
         wires = _wires(planned.wires)
         self._alive.append(wires)
         unit.wires = wires

@@ -118,6 +118,11 @@ class Simulation:
     ) -> None:
         self.close()
 
+    @property
+    def instances(self) -> Mapping[str, Instance]:
+        """By component; between two runs they are anyone's to use, every run resets them."""
+        return self._instances
+
     def close(self) -> None:
         """Free the instances."""
         for instance in self._instances.values():

@@ -23,6 +23,8 @@ from cobot_joint.diagnosis.repair.compare import Simulator as Simulate
 from cobot_joint.diagnosis.repair.discrepancy import read_discrepancy
 from cobot_joint.diagnosis.repair.export import ssp_files
 from cobot_joint.diagnosis.repair.repair import repair
+from cobot_joint.diagnosis.state_estimation.noise import noise_of
+from cobot_joint.diagnosis.state_estimation.prediction import Variant, predicted_figures
 from cobot_joint.diagnosis.store import plain, read_object
 from cobot_joint.errors import UserError
 from cobot_joint.files import write_atomically
@@ -56,13 +58,26 @@ def verify(folder: Path, campaign: Campaign) -> dict[str, Any]:
     quality = condition(campaign)
     figures = channel_figures(compared)
     noise = {name: (diagnosis["channels"].get(name) or {}).get("noise") or quality[name].noise for name in figures}
+    predicted = predicted_figures(campaign.holdout, variants(campaign, folder, calibrated), noise_of(campaign))
     content = {
         "system": system,
-        "channels": {name: {"noise": noise[name], **values} for name, values in figures.items()},
+        "channels": {
+            name: {"noise": noise[name], **values, "predicted": predicted[name]} for name, values in figures.items()
+        },
     }
     write_atomically(folder / "verify.parquet", lambda file: pyarrow.parquet.write_table(table(compared), file))
     write_json(folder / "verify.json", content)
     return content
+
+
+def variants(campaign: Campaign, folder: Path, calibrated: Mapping[str, float]) -> dict[str, Variant]:
+    """The system as specified, as re-fitted, and as the folder has it repaired."""
+    nominal = campaign.systems()
+    return {
+        "nominal": Variant(nominal),
+        "calibrated": Variant(nominal, calibrated),
+        "repaired": Variant(repaired_systems(campaign, folder)),
+    }
 
 
 def read_diagnosis(folder: Path) -> dict[str, Any]:

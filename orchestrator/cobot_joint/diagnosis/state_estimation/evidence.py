@@ -1,0 +1,303 @@
+"""What a term is worth beside the latent forces: its answer in the filter's innovations, and the likelihoods' ratio.
+
+Along the trajectory that the recording shows, a switched-off term is a signal: what a unit of its amplitude adds to the
+derivatives of states and to readings, at the states that the filter has estimated. No run is simulated for it. The
+filter's innovations are white; what a known signal would add to them is a regressor, with everything that the latent
+forces would have taken for their own already gone from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cobot_joint.diagnosis.plant.plant import TermCandidate
+from cobot_joint.diagnosis.state_estimation.estimator import StateEstimator, Tracked
+from cobot_joint.diagnosis.state_estimation.kalman import respond
+from cobot_joint.diagnosis.state_estimation.sampled import Piece
+from cobot_joint.system.model import Value
+
+Array = NDArray[np.float64]
+TURN = 0.7  # rad by which a periodic term may turn between two points at which it is looked at
+POINTS = 5  # of these between two samples, where they are needed
+TOGETHER = 16  # combinations of shapes in one pass
+SEEN = 1e-6  # of a column's square: less beside the others is none of its own
+ROUNDS = 4  # of estimating the latent forces' sizes again
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """A recording's filter run with the filter that made it."""
+
+    estimator: StateEstimator
+    tracked: Tracked
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Of a unit of something known in each tracking. psi: (n - 1, states, columns), direct: (n, channels, columns)"""
+
+    psi: Sequence[Array]
+    direct: Sequence[Array]
+
+
+@dataclass(frozen=True)
+class TermScore:
+    """A switched-off term beside the latent forces, base parameters re-fitted inside their tolerances.
+
+    shapes: as scanned, where it does best. amplitude: most likely, sigma: its standard error; with a phase, phase: rad.
+    gain: of twice the log likelihood, the latent forces' sizes as they are without it. evidence: log of the ratio of
+    marginal likelihoods, their sizes estimated again with it; None where that was not asked.
+    """
+
+    term: str
+    shapes: Mapping[str, float]
+    amplitude: float
+    sigma: float
+    phase: float | None
+    gain: float
+    evidence: float | None = None
+
+
+class Evidence:
+    """Recordings of one machine, tracked with the same values.
+
+    tolerances: `component.parameter` -> (nominal value less the one it has now, 1 sigma that it may be off).
+    """
+
+    def __init__(self, trackings: Sequence[Tracking], tolerances: Mapping[str, tuple[float, float]]) -> None:
+        self.trackings = list(trackings)
+        self.tolerances = dict(tolerances)
+        self._pieces = [Piece(t.tracked.time, t.tracked.x, t.tracked.y, _inputs(t), t.tracked.signals)
+                        for t in self.trackings]  # fmt: skip
+        tangents = [t.tracked.tangents for t in self.trackings]
+        self._Hold, self._T = (
+            [np.concatenate([getattr(p, f) for p in parts]) for parts in tangents] for f in ("Hold", "T")
+        )
+        self._parts: dict[int, tuple[Array, Array]] = {}
+        self._S = [np.concatenate([parts[0].S, *(p.S[1:] for p in parts[1:])]) for parts in tangents]
+        self._parameters = [name for name in tolerances if any(self._has(t, name) for t in self.trackings)]
+        self.base = self._of_parameters()
+        self._base = _Columns(self, self.base)
+        self._prior = np.array([1 / self.tolerances[name][1] ** 2 for name in self._parameters])
+        self._centre = np.array([self.tolerances[name][0] for name in self._parameters])
+        self._held = np.linalg.inv(self._base.gram + np.diag(self._prior))
+        self._moved = self._held @ (self._base.gradient + self._prior * self._centre)
+
+    def score(self, terms: Sequence[TermCandidate], refined: int = 0) -> list[TermScore]:
+        """Best first. refined: how many get their evidence, with the latent forces' sizes estimated again."""
+        found = [(best, term) for term in terms if (best := self._best(term)) is not None]
+        found.sort(key=lambda pair: -pair[0].gain)
+        if refined:
+            base = self._likelihood([])
+            found = [(replace(score, evidence=self._likelihood([(term, score)]) - base), term)
+                     for score, term in found[:refined]] + found[refined:]  # fmt: skip
+            found[:refined] = sorted(found[:refined], key=lambda pair: -(pair[0].evidence or 0.0))
+        return [score for score, _ in found]
+
+    @property
+    def corrections(self) -> dict[str, float]:
+        """`component.parameter` -> by how much it is off, most likely, with the latent forces as they are."""
+        return dict(zip(self._parameters, map(float, self._moved), strict=True))
+
+    def gls(self, effect: Effect, groups: Sequence[slice] | None = None) -> list[tuple[Array, Array, float]]:
+        """Generalised least squares of groups of columns (each alone; None: all together) beside the base parameters:
+        coefficients, their covariance, and the gain in twice the log likelihood, 0 where nothing answers."""
+        columns = _Columns(self, effect)
+        cross = self._base.white.T @ columns.white
+        gradient = columns.gradient - cross.T @ self._moved
+        found = []
+        for g in groups or [slice(None)]:
+            gram = columns.gram[g, g]
+            scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+            gram = gram - cross[:, g].T @ self._held @ cross[:, g]
+            inverse = np.linalg.pinv(gram / np.outer(scale, scale), rcond=SEEN, hermitian=True) / np.outer(scale, scale)
+            seen = float(np.min(scale)) > 1e-100
+            found.append((inverse @ gradient[g], inverse, float(gradient[g] @ inverse @ gradient[g]) if seen else 0.0))
+        return found
+
+    def signal(self, port: str, values: Sequence[Array]) -> Effect:
+        """Of known signals at a latent's port: values: per recording ((n - 1) POINTS, columns), in the middle of the
+        parts of each step. Where the port feeds a reading, the first part's value is taken for the sample's."""
+        psi, direct = [], []
+        for n, (t, v) in enumerate(zip(self.trackings, values, strict=True)):
+            column = t.estimator.ports.index(port)
+            Phi, Hold = self._part_of_step(n)
+            B = np.concatenate([tangent.Gamma[:, :, column] for tangent in t.tracked.tangents])
+            B = np.linalg.solve(self._Hold[n], B[:, :, None])  # what the port adds to the derivatives
+            parts = v.reshape(len(B), POINTS, -1)
+            found = np.zeros((len(B), t.estimator.x.stop, parts.shape[2]))
+            for k in range(POINTS):
+                found = Phi @ found + (Hold @ B) * parts[:, k][:, None, :]
+            psi.append(found)
+            at_samples = np.concatenate([parts[:, 0], parts[-1:, -1]])
+            direct.append(t.tracked.steps.H[:, :, t.estimator.d.start + column][:, :, None] * at_samples[:, None, :])
+        return Effect(psi, direct)
+
+    def _best(self, term: TermCandidate) -> TermScore | None:
+        """The shapes with the largest gain; None: no recording answers to it."""
+        best: TermScore | None = None
+        width = 1 if term.phase is None else 2
+        combinations = list(_combinations(term))
+        for first in range(0, len(combinations), TOGETHER):
+            some = combinations[first : first + TOGETHER]
+            groups = [slice(k * width, (k + 1) * width) for k in range(len(some))]
+            for shapes, (theta, covariance, gain) in zip(
+                some, self.gls(self._of_term(term, some), groups), strict=True
+            ):
+                if gain <= (best.gain if best else 0.0):
+                    continue
+                sigma = float(np.sqrt(np.trace(covariance) / width))
+                if width == 1:
+                    best = TermScore(term.name, shapes, float(theta[0]), sigma, None, gain)
+                else:
+                    phase = float(np.arctan2(theta[1], theta[0]))
+                    best = TermScore(term.name, shapes, float(np.hypot(*theta)), sigma, phase, gain)
+        return best
+
+    def _likelihood(self, terms: Sequence[tuple[TermCandidate, TermScore]]) -> float:
+        """Log of the likelihood with base parameters and terms at their most likely values and the latent forces' sizes
+        estimated again, less half the logarithm of the number of readings per coefficient (Schwarz 1978, Ann. Stat. 6).
+        """
+        parts = [self.base, *(self._of_term(term, [score.shapes]) for term, score in terms)]
+        psi = [np.concatenate([p.psi[n] for p in parts], axis=2) for n in range(len(self.trackings))]
+        direct = [np.concatenate([p.direct[n] for p in parts], axis=2) for n in range(len(self.trackings))]
+        columns = _Columns(self, Effect(psi, direct))
+        more = psi[0].shape[2] - len(self._prior)
+        gram = columns.gram + np.diag(np.concatenate([self._prior, np.zeros(more)]))
+        scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        gradient = columns.gradient.copy()
+        gradient[: len(self._prior)] += self._prior * self._centre
+        theta = np.linalg.pinv(gram / np.outer(scale, scale), rcond=SEEN, hermitian=True) @ (gradient / scale) / scale
+        total = -0.5 * more * np.log(sum(np.isfinite(t.tracked.steps.r).sum() for t in self.trackings))
+        for t, p, d in zip(self.trackings, psi, direct, strict=True):
+            steps, found = t.tracked.steps, t.tracked.filtered
+            alone = replace(found, K=np.zeros_like(found.K), precision=(found.precision > 0).astype(float))
+            explained = respond(steps, alone, p @ theta[:, None], d @ theta[:, None])[:, :, 0]
+            tracked = replace(t.tracked, steps=replace(steps, r=steps.r - explained))
+            estimator = t.estimator
+            for _ in range(ROUNDS):
+                estimator = estimator.resized(tracked, slice(None))
+            total += estimator.refilter(tracked).filtered.log_likelihood
+        return float(total - 0.5 * self._prior @ (theta[: len(self._prior)] - self._centre) ** 2)
+
+    def _of_term(self, term: TermCandidate, combinations: Sequence[Mapping[str, float]]) -> Effect:
+        """A column, or two a quarter of a period apart, for each combination of shapes."""
+        phases: list[dict[str, Value]] = [{}]
+        if term.phase is not None:
+            phases = [{term.phase: 0.0}, {term.phase: np.pi / 2}]
+        values = [{**shapes, **phase} for shapes in combinations for phase in phases]
+        whole = [shape.name for shape in term.shapes if shape.whole]
+        orders = [max((float(v[name]) for name in whole), default=0.0) for v in values]
+        psi, direct = [], []
+        for n, t in enumerate(self.trackings):
+            if self._has(t, term.name):
+                found = self._of_amplitudes(n, term.amplitude, values, orders)
+            else:
+                shape = (*t.tracked.y.shape, len(values))
+                found = np.zeros((shape[0] - 1, t.estimator.x.stop, len(values))), np.zeros(shape)
+            psi.append(found[0])
+            direct.append(found[1])
+        return Effect(psi, direct)
+
+    def _of_amplitudes(
+        self, n: int, amplitude: str, values: Sequence[Mapping[str, Value]], orders: Sequence[float]
+    ) -> tuple[Array, Array]:
+        """(n - 1, states, columns), (n, channels, columns): of a unit of an amplitude, at its neutral value, with other
+        values beside it. orders: periods per turn that they have, 0 of none."""
+        t = self.trackings[n]
+        angles = _angles(t, amplitude)
+        fastest = float(np.abs(np.diff(t.tracked.x[:, angles], axis=0)).max(initial=0.0))
+        psi, samples = [], []
+        for value, order in zip(values, orders, strict=True):
+            inner, outer = t.estimator.lineariser.added(
+                amplitude, value, self._pieces[n].time, t.tracked.x, self._pieces[n]
+            )
+            samples.append(outer)
+            if order * fastest > TURN:
+                psi.append(self._inside(n, amplitude, value))
+            else:
+                inner, outer = ((M[1:] + M[:-1]) / 2 for M in (inner, outer))
+                psi.append(_times(self._Hold[n], inner + _times(self._T[n], outer)))
+        return np.stack(psi, axis=-1), self._S[n] @ np.stack(samples, axis=-1)
+
+    def _inside(self, n: int, amplitude: str, values: Mapping[str, Value]) -> Array:
+        """(n - 1, states): of what changes within a step, summed over parts of it; states are linear in between."""
+        t, piece = self.trackings[n], self._pieces[n]
+        x, steps = t.tracked.x, len(t.tracked.x) - 1
+        share = np.tile((np.arange(POINTS) + 0.5) / POINTS, steps)[:, None]
+        first = np.repeat(np.arange(steps), POINTS)
+        time = piece.time[first] + share[:, 0] * (piece.time[1] - piece.time[0])
+        inner, outer = t.estimator.lineariser.added(
+            amplitude, values, time, x[first] + share * (x[first + 1] - x[first]), piece
+        )
+        inner, outer = inner.reshape(steps, POINTS, -1), outer.reshape(steps, POINTS, -1)
+        Phi, Hold = self._part_of_step(n)
+        found = np.zeros((steps, t.estimator.x.stop))
+        for k in range(POINTS):
+            found = _times(Phi, found) + _times(Hold, inner[:, k] + _times(self._T[n], outer[:, k]))
+        return found
+
+    def _part_of_step(self, n: int) -> tuple[Array, Array]:
+        """Phi and Hold of a part of each step; kept, since every periodic term asks for them."""
+        if n not in self._parts:
+            t = self.trackings[n]
+            A = np.concatenate([tangent.A for tangent in t.tracked.tangents])
+            self._parts[n] = t.estimator.lineariser.step(A, t.tracked.recording.step / POINTS)
+        return self._parts[n]
+
+    def _of_parameters(self) -> Effect:
+        parts = [self._of_term(TermCandidate(p, "", "", p, 0.0, -np.inf, np.inf, ""), [{}]) for p in self._parameters]
+        psi, direct = [], []
+        for n, t in enumerate(self.trackings):
+            psi.append(
+                np.concatenate(
+                    [p.psi[n] for p in parts] or [np.zeros((len(t.tracked.time) - 1, t.estimator.x.stop, 0))], axis=2
+                )
+            )
+            direct.append(np.concatenate([p.direct[n] for p in parts] or [np.zeros((*t.tracked.y.shape, 0))], axis=2))
+        return Effect(psi, direct)
+
+    @staticmethod
+    def _has(t: Tracking, name: str) -> bool:
+        return any(c.name == name.split(".")[0] for c in t.estimator.sampled.system.components)
+
+
+class _Columns:
+    """An effect in the innovations: white: (rows, columns), and its products."""
+
+    def __init__(self, evidence: Evidence, effect: Effect) -> None:
+        parts = [
+            np.concatenate(respond(t.tracked.steps, t.tracked.filtered, psi, direct))
+            for t, psi, direct in zip(evidence.trackings, effect.psi, effect.direct, strict=True)
+        ]
+        self.white = np.concatenate(parts)
+        self.gram = self.white.T @ self.white
+        self.gradient = self.white.T @ np.concatenate([t.tracked.filtered.white.ravel() for t in evidence.trackings])
+
+
+def _combinations(term: TermCandidate) -> Iterator[dict[str, float]]:
+    for values in product(*(shape.values for shape in term.shapes)):
+        yield {shape.name: value for shape, value in zip(term.shapes, values, strict=True)}
+
+
+def _angles(t: Tracking, parameter: str) -> list[int]:
+    """States of the parameter's unit that are angles."""
+    name = parameter.split(".")[0]
+    unit = t.estimator.sampled.system.component(name).unit
+    states = t.estimator.sampled.states
+    return [j for j, s in enumerate(states) if s.component == name and unit.unit_of(s.variable) == "rad"]
+
+
+def _times(M: Array, v: Array) -> Array:
+    """Matrix by vector, step by step: (n, i, j), (n, j) -> (n, i)"""
+    return np.asarray((M @ v[:, :, None])[:, :, 0])
+
+
+def _inputs(t: Tracking) -> dict[str, Array]:
+    latents = t.tracked.reference[:, t.estimator.d]
+    return {**t.tracked.recording.inputs, **{p: latents[:, j] for j, p in enumerate(t.estimator.ports)}}

@@ -1,0 +1,101 @@
+"""How well a system predicts a recording from short distances: free runs that begin where the recording has led to.
+
+A free run over minutes adds up whatever is wrong, and angles are lost, so that a right term in the wrong phase is worse
+than none. Here a run is free for a horizon only, and begins at the state that a filter has estimated from the samples
+before it (multi-step prediction errors: Ljung 1999, System Identification, 16.5).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
+from cobot_joint.diagnosis.state_estimation.estimator import StateEstimator
+from cobot_joint.diagnosis.state_estimation.latents import structure, with_sizes
+from cobot_joint.diagnosis.state_estimation.noise import ChannelNoise
+from cobot_joint.diagnosis.state_estimation.sampled import SampledSystem
+from cobot_joint.diagnosis.state_estimation.states import states_of
+from cobot_joint.system.model import System, Value
+
+Array = NDArray[np.float64]
+HORIZON = 0.2  # s
+
+
+@dataclass(frozen=True)
+class Variant:
+    """Systems by set-up, and `component.variable` -> value over their own."""
+
+    systems: Mapping[str, System]
+    values: Mapping[str, Value] = field(default_factory=dict)
+
+
+def predicted_figures(
+    recordings: Sequence[Recording],
+    variants: Mapping[str, Variant],
+    noise: Mapping[str, ChannelNoise],
+    horizon: float = HORIZON,
+) -> dict[str, dict[str, Any] | None]:
+    """channel -> {"horizon": s, variant -> rms of recording - prediction over all samples}; None where a unit of a
+    system allows no state to be set."""
+    channels = dict.fromkeys(channel for r in recordings for channel in r.outputs)
+    if any(states_of(system) is None for v in variants.values() for system in v.systems.values()):
+        return dict.fromkeys(channels)
+    found: dict[str, dict[str, Any] | None] = {channel: {"horizon": horizon} for channel in channels}
+    for name, variant in variants.items():
+        errors: dict[str, list[Array]] = {channel: [] for channel in channels}
+        for recording in recordings:
+            for channel, series in predict(recording, variant, noise, horizon).items():
+                error = recording.outputs[channel] - series
+                errors[channel].append(error[np.isfinite(error)])
+        for channel, parts in errors.items():
+            found[channel] = {**(found[channel] or {}), name: float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))}
+    return found
+
+
+def predict(
+    recording: Recording, variant: Variant, noise: Mapping[str, ChannelNoise], horizon: float = HORIZON
+) -> dict[str, Array]:
+    """Channel -> (n,): free runs over each horizon of unbroken data, NaN where nothing is recorded.
+
+    SimulationError (of cosim): a unit fails.
+    """
+    plant = FmuPlant({recording.setup: variant.systems[recording.setup]})  # with the additive ports as inputs
+    system = plant.systems[recording.setup]
+    ports = [port.name for port in plant.ports]
+    there = {n: v for n, v in variant.values.items() if n.split(".")[0] in {c.name for c in system.components}}
+    with SampledSystem(system, list(recording.outputs), there) as sampled:
+        known = structure(sampled, recording, ports, noise)
+        estimator = StateEstimator(sampled, noise, known.latents, known.followed)
+        tracked = estimator.track(recording)
+        tracked = with_sizes(estimator, tracked).refilter(tracked)
+        y = np.full((len(recording.time), len(sampled.channels)), np.nan)
+        for first, end in pieces(recording, horizon):
+            x = tracked.x[first].copy()
+            if first:  # else it is where the run begins
+                z = tracked.reference[first] + tracked.filtered.predicted[first]
+                x[estimator.followed] = z[estimator.x]
+            rows = slice(first, end)
+            inputs = {name: u[rows] for name, u in recording.inputs.items()}
+            y[rows] = sampled.run(x, tracked.time[rows], inputs).y
+        return {channel: y[:, j] for j, channel in enumerate(sampled.channels)}
+
+
+def pieces(recording: Recording, horizon: float) -> list[tuple[int, int]]:
+    """(first sample, behind the last) of every horizon of unbroken data; what is left over joins the piece before."""
+    every = max(2, round(horizon / recording.step))
+    recorded = np.any([np.isfinite(series) for series in recording.outputs.values()], axis=0)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], recorded, [False]]).astype(int)))
+    found = []
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        starts = list(range(int(begin), int(end), every))
+        if len(starts) > 1 and end - starts[-1] < every // 2:
+            starts.pop()
+        stops = [*starts[1:], int(end)]
+        found += [(a, b) if b - a > 1 else (max(a - 1, 0), max(b, 2)) for a, b in zip(starts, stops, strict=True)]
+    return found

@@ -1,0 +1,163 @@
+"""A system from sample to sample: runs from given states."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cobot_joint.cosim import Simulation
+from cobot_joint.diagnosis.state_estimation.states import states_of, why_none
+from cobot_joint.errors import UserError
+from cobot_joint.system.model import Connection, Inputs, System, Value
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A run from given states. time: (n,), s; x: (n, states); y: (n, channels); inputs and signals: name -> (n,)."""
+
+    time: Array
+    x: Array
+    y: Array
+    inputs: Mapping[str, Array]
+    signals: Mapping[str, Array]
+
+
+class SampledSystem:
+    """One system with one set of values, loaded once. A context manager.
+
+    values: `component.variable` -> value over the system's own. onsets: of these, s, from which they hold. channels:
+    the system's outputs that are compared. UserError: a unit of the system allows no state to be set.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        channels: Sequence[str],
+        values: Mapping[str, Value] | None = None,
+        onsets: Mapping[str, float] | None = None,
+    ) -> None:
+        states = states_of(system)
+        if states is None:
+            raise UserError(f"{system.name}: {why_none(system)}, so that no run can begin at a given state")
+        self.system, self.states = system, states
+        self.channels = tuple(channels)
+        self.values, self.onsets = dict(values or {}), dict(onsets or {})
+        self.nominal = np.array([s.nominal for s in states])
+        self.simulation = Simulation(system)
+        real = {c.name: {v.name for v in c.unit.variables.values() if v.type == "Real"} for c in system.components}
+        into = [c for c in system.connections if c.sink_component and c.sink in real[c.sink_component]]
+        self.taps = [_tap(system, channel) for channel in self.channels]
+        # between components; from inputs of the system; outputs of components that a wire or a channel reads
+        self.wires = _that_matter(system, [c for c in into if c.source_component], self.taps)
+        self.driven = [c for c in into if c.source_component is None]
+        sources = {(c.source_component, c.source) for c in (*self.wires, *self.taps)}
+        self.sources = [(name, v) for name, v in sources if name is not None]
+        self._record = [s.name for s in states] + [f"{c}.{v}" for c, v in self.sources] + list(self.channels)
+
+    def __enter__(self) -> SampledSystem:
+        return self
+
+    def __exit__(
+        self, _type: type[BaseException] | None, _value: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        self.simulation.close()
+
+    def start(self, initial: Mapping[str, float]) -> Array:
+        """(states,): the system's start values, and over them what a recording says: `component.variable` or output."""
+        given = {self._behind(name): value for name, value in initial.items()} | self.values
+        found = []
+        for s in self.states:
+            component = self.system.component(s.component)
+            own = component.parameters.get(s.variable, component.unit.variables[s.variable].start or 0.0)
+            found.append(float(given.get(s.name, own)))
+        return np.array(found)
+
+    def run(self, x: Array, time: Array, inputs: Mapping[str, Array]) -> Piece:
+        """From the states x: (states,) at time[0] on, recorded at each time: (n,), regular; inputs: name -> (n,).
+
+        SimulationError: a unit fails.
+        """
+        step = float(time[-1] - time[0]) / (len(time) - 1)
+        result = self.simulation.run(
+            Inputs(time, dict(inputs)),
+            float(time[-1]) + 0.1 * step,
+            start_time=float(time[0]),
+            output_step=step,
+            parameters=self._before_onsets() | {s.name: float(v) for s, v in zip(self.states, x, strict=True)},
+            parameter_events=[(t, {name: self.values[name]}) for name, t in self.onsets.items()],
+            record=self._record,
+        )
+        n = len(time)
+        found = {name: series[:n] for name, series in result.signals.items()}
+        x = np.column_stack([found[s.name] for s in self.states]) if self.states else np.zeros((n, 0))
+        return Piece(time, x, np.column_stack([found[c] for c in self.channels]), dict(inputs), found)
+
+    def values_of(self, component: str, t: float) -> dict[str, Value]:
+        """variable -> value at the time t."""
+        there = {n: v for n, v in self.values.items() if self.onsets.get(n, -np.inf) <= t}
+        return {n.split(".", 1)[1]: v for n, v in there.items() if n.split(".", 1)[0] == component}
+
+    def _before_onsets(self) -> dict[str, Value]:
+        return {name: value for name, value in self.values.items() if name not in self.onsets}
+
+    def value_of(self, piece: Piece, wire: Connection) -> Array:
+        """What arrives at the end of a wire during a piece: (n,)"""
+        if wire.source_component:
+            source = piece.signals[f"{wire.source_component}.{wire.source}"]
+        else:
+            source = piece.inputs.get(wire.source, np.zeros(len(piece.time)))
+        return wire.factor * source + wire.offset
+
+    def own_signal(self, name: str, signals: Mapping[str, Array]) -> Array | None:
+        """`component.variable` among recorded signals, an input by the wire into it; None: it was not recorded."""
+        if name in signals:
+            return signals[name]
+        component, variable = name.split(".", 1)
+        for c in self.wires:
+            if (c.sink_component, c.sink) == (component, variable):
+                return c.factor * signals[f"{c.source_component}.{c.source}"] + c.offset
+        return None
+
+    def _behind(self, name: str) -> str:
+        """`component.variable` behind an output of the system."""
+        if name in self.system.outputs:
+            tap = _tap(self.system, name)
+            return f"{tap.source_component}.{tap.source}"
+        return name
+
+
+def _tap(system: System, channel: str) -> Connection:
+    """The wire to an output of the system, or to what is recorded of a component. UserError: there is none."""
+    for c in system.connections:
+        if c.sink_component is None and c.sink == channel and c.source_component is not None:
+            return c
+    component, _, variable = channel.partition(".")
+    if any(c.name == component and variable in c.unit.variables for c in system.components):
+        return Connection(component, variable, None, channel)
+    raise UserError(f"{system.name} has no output {channel!r}")
+
+
+def _that_matter(system: System, wires: list[Connection], taps: list[Connection]) -> list[Connection]:
+    """Wires into units with states, and into others where a needed output depends on them."""
+    needed = {(c.source_component, c.source) for c in taps}
+    chosen: list[Connection] = []
+    while True:
+        more = [w for w in wires if w not in chosen and _reads(system, w, needed)]
+        if not more:
+            return chosen
+        chosen += more
+        needed |= {(c.source_component, c.source) for c in more}
+
+
+def _reads(system: System, wire: Connection, needed: set[tuple[str | None, str]]) -> bool:
+    unit = system.component(str(wire.sink_component)).unit
+    if unit.description.derivatives:
+        return True
+    outputs = [v for name, v in needed if name == wire.sink_component]
+    return any(wire.sink in unit.needs.get(v, [wire.sink]) for v in outputs)

@@ -1,0 +1,70 @@
+"""Derivatives of states as variables, and Jacobians by states and parameters (FMI 2.0.4, 2.2.8 and 2.1.9)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cobot_joint.units import load_unit
+
+Make = Callable[..., Any]
+N, C, D_G, J_O, B = 338 / 3, 3000.0, 0.5, 4e-4, np.pi / 180
+
+
+def initializing(make: Make, name: str, values: dict[str, float]) -> Any:
+    """A unit in initialization mode."""
+    slave = make(name)
+    slave.fmu.reset()
+    slave.fmu.setupExperiment()
+    slave.fmu.enterInitializationMode()
+    slave.set(values)
+    return slave
+
+
+def test_every_state_is_listed_with_its_derivative(fmu: Callable[[str], Any], name: str) -> None:
+    unit = load_unit(fmu(name))
+    listed = [unknown.variable for unknown in unit.description.derivatives]
+    assert [v.name for v in listed] == [f"der({v.derivative.name})" for v in listed]
+    states = [n for n, v in unit.variables.items() if v.initial == "exact" and v.causality in ("local", "output")]
+    assert [v.derivative.name for v in listed] == states
+
+
+def test_derivatives_are_the_slopes_of_the_states(make: Make, name: str) -> None:
+    slave = make(name)
+    states = [u.variable.derivative.name for u in slave.unit.description.derivatives]
+    inputs = {n: 0.3 * float(slave.unit.variables[n].nominal) for n in slave.inputs()}
+    slave.set(inputs)
+    slave.step(5e-3)
+    slave.set(inputs)
+    given = [slave[f"der({state})"] for state in states]
+    assert given == pytest.approx([slave.rate(state) for state in states])
+
+
+def test_jacobian_of_the_gearhead_by_states_and_parameters_meets_its_closed_form(make: Make) -> None:
+    """J_o dw_o/dt = c (phi/N - phi_o - b/2) + d_g (w/N - w_o) - tau_s"""
+    e = 1e-3
+    gear = initializing(make, "planetary_gear", {"phi": N * (B / 2 + e), "w": 0.0, "tau_s": 1.0})
+    row = gear.vr("der(w_o)")
+    expected = {
+        "phi": C / N / J_O,
+        "phi_o": -C / J_O,
+        "w_o": -D_G / J_O,
+        "tau_s": -1 / J_O,
+        "mesh.c": e / J_O,
+        "mesh.b": -C / 2 / J_O,
+        "output.J_o": -(C * e - 1.0) / J_O**2,
+        "ratio.N": -C * (B / 2 + e) / N / J_O,
+    }
+    for name, value in expected.items():
+        assert gear.fmu.getDirectionalDerivative(row, gear.vr(name), [1.0])[0] == pytest.approx(value, rel=1e-6), name
+
+
+@pytest.mark.parametrize(("twist", "sign"), [(B / 2 + 1e-3, 1), (-B / 2 - 1e-3, -1), (0.0, 0)])
+def test_a_unit_that_is_initializing_knows_its_contact(make: Make, twist: float, sign: int) -> None:
+    gear = initializing(make, "planetary_gear", {"phi": N * twist})
+    assert gear["tau_g"] == pytest.approx(sign * C * 1e-3, abs=1e-9)
+    gear.set({"phi": -N * twist})  # and when it is moved to the other side
+    assert gear["tau_g"] == pytest.approx(-sign * C * 1e-3, abs=1e-9)

@@ -1,0 +1,85 @@
+"""Filter and smoother against the same Gaussian conditioned all at once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import block_diag
+from scipy.stats import multivariate_normal
+
+from cobot_joint.diagnosis.state_estimation.kalman import Steps, backward, forward, respond
+
+n, m, N = 12, 2, 3
+
+
+@pytest.fixture
+def drawn() -> tuple[Steps, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(4)
+    steps = Steps(
+        np.eye(N) * 0.8 + 0.2 * rng.standard_normal((n, N, N)),
+        rng.standard_normal((n, N)),
+        rng.standard_normal((n, m, N)),
+        rng.standard_normal((n, m)),
+    )
+    steps.jump[0] = 0
+    steps.r[3, 0] = steps.r[7, :] = np.nan  # one channel lost, and a gap
+    return steps, rng.uniform(0.1, 1, N), rng.uniform(0.1, 1, m), rng.standard_normal(N), np.diag(rng.uniform(1, 2, N))
+
+
+def whole(steps: Steps, Q: np.ndarray, z0: np.ndarray, P0: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and covariance of all deviations stacked, before anything is recorded."""
+    mean, moves = [z0], [np.eye(N, n * N)]
+    for k in range(1, n):
+        mean.append(steps.F[k] @ (mean[-1] + steps.jump[k]))
+        moves.append(steps.F[k] @ moves[-1] + np.eye(N, n * N, k * N))
+    T = np.vstack(moves)
+    return np.concatenate(mean), T @ block_diag(P0, *[np.diag(Q)] * (n - 1)) @ T.T
+
+
+def test_smoother_is_the_gaussian_conditioned_on_all_that_was_recorded(drawn: tuple) -> None:
+    steps, Q, R, z0, P0 = drawn
+    mean, covariance = whole(steps, Q, z0, P0)
+    H, known = block_diag(*steps.H), np.isfinite(steps.r.ravel())
+    H, r, noise = H[known], steps.r.ravel()[known], np.diag(np.tile(R, n)[known])
+    S = H @ covariance @ H.T + noise
+    gain = covariance @ H.T @ np.linalg.inv(S)
+    filtered = forward(steps, Q, R, z0, P0)
+    found = backward(steps, filtered)
+    np.testing.assert_allclose(found.smoothed.ravel(), mean + gain @ (r - H @ mean), rtol=1e-8)
+    np.testing.assert_allclose(found.variance.ravel(), np.diag(covariance - gain @ H @ covariance), rtol=1e-7)
+    constant = -0.5 * known.sum() * np.log(2 * np.pi)
+    density = multivariate_normal(H @ mean, S).logpdf(r)
+    assert filtered.log_likelihood + constant == pytest.approx(density, rel=1e-10)
+
+
+def test_adjoint_gives_the_slope_of_the_likelihood_over_a_noise_variance(drawn: tuple) -> None:
+    steps, Q, R, z0, P0 = drawn
+    found = backward(steps, forward(steps, Q, R, z0, P0))
+    for j in range(N):
+        h = 1e-5 * np.eye(N)[j]
+        ends = [forward(steps, Q + s * h, R, z0, P0).log_likelihood for s in (-1, 1)]
+        assert 0.5 * np.sum(found.a[1:, j] ** 2 - found.M[1:, j]) == pytest.approx(np.diff(ends)[0] / 2e-5, rel=1e-5)
+
+
+def test_a_known_signal_adds_to_the_innovations_what_the_filter_answers(drawn: tuple) -> None:
+    steps, Q, R, z0, P0 = drawn
+    rng = np.random.default_rng(5)
+    psi, direct = rng.standard_normal((n - 1, 2, 1)), rng.standard_normal((n, m, 1))
+    filtered = forward(steps, Q, R, z0, P0)
+    shift, x = direct[:, :, 0].copy(), np.zeros(N)
+    for k in range(1, n):  # what the signal does to the readings
+        x = steps.F[k] @ x
+        x[:2] += psi[k - 1, :, 0]
+        shift[k] += steps.H[k] @ x
+    moved = forward(Steps(steps.F, steps.jump, steps.H, steps.r + shift), Q, R, z0, P0)
+    np.testing.assert_allclose(
+        respond(steps, filtered, psi, direct)[:, :, 0], moved.white - filtered.white, rtol=1e-9, atol=1e-9
+    )
+
+
+def test_a_filter_in_two_parts_is_the_filter_in_one(drawn: tuple) -> None:
+    steps, Q, R, z0, P0 = drawn
+    whole = forward(steps, Q, R, z0, P0)
+    first = forward(steps[:5], Q, R, z0, P0)
+    second = forward(steps[5:], Q, R, first.updated[-1], first.P_end, begins=False)
+    np.testing.assert_array_equal(np.vstack([first.updated, second.updated]), whole.updated)

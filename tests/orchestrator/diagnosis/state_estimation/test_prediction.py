@@ -1,0 +1,92 @@
+"""Anchored prediction: what a free run over minutes gets wrong it gets right."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.state_estimation import prediction
+from cobot_joint.diagnosis.state_estimation.prediction import Variant, pieces, predict, predicted_figures
+from cobot_joint.system.read import load_system
+from tests.orchestrator.diagnosis.state_estimation.rig import COGGING, NOISE, SIGMA, recorded, run
+
+BASE = {"loaded": load_system("joint_logged")}
+
+
+def free_error(recording: Recording, values: dict[str, float]) -> float:
+    return float(np.std(recording.outputs["i_motor"] - run(values, seconds=recording.time[-1]).y[:, 0]))
+
+
+def test_a_system_predicts_its_own_run_without_noise() -> None:
+    figures = predicted_figures([recorded(run(), noisy=False)], {"nominal": Variant(BASE)}, NOISE)
+    for channel, sigma in SIGMA.items():
+        assert figures[channel]["nominal"] < 0.02 * sigma
+
+
+@pytest.mark.long
+def test_cogging_whose_phase_a_free_run_loses_is_worse_than_none_there_and_right_when_anchored() -> None:
+    """The machine's gear ratio of speed and voltage is off a little, so that a free run's angle is soon lost."""
+    other = {"motor_bldc.winding.k": 0.0232 * 1.02}
+    recording = recorded(run({**COGGING, **other}, seconds=6.0))
+    base, right = {}, dict(COGGING)
+    assert free_error(recording, right) > free_error(recording, base)
+    figures = predicted_figures([recording], {"base": Variant(BASE, base), "cogging": Variant(BASE, right)}, NOISE)[
+        "i_motor"
+    ]
+    assert figures["cogging"] < 0.8 * figures["base"]
+
+
+def test_right_values_predict_down_to_the_noise() -> None:
+    figures = predicted_figures(
+        [recorded(run(COGGING))], {"nominal": Variant(BASE), "repaired": Variant(BASE, COGGING)}, NOISE
+    )
+    for channel, sigma in SIGMA.items():
+        assert figures[channel]["repaired"] == pytest.approx(sigma, rel=0.06)
+    assert figures["i_motor"]["nominal"] > 3 * SIGMA["i_motor"]
+    assert figures["i_motor"]["horizon"] == 0.2
+
+
+def test_pieces_are_cut_at_gaps_and_every_horizon() -> None:
+    recording = recorded(run(seconds=1.0))
+    recording.outputs = {n: y.copy() for n, y in recording.outputs.items()}
+    for y in recording.outputs.values():
+        y[450:520] = np.nan
+    found = pieces(recording, 0.2)
+    assert found == [(0, 200), (200, 450), (520, 720), (720, 1001)]
+    recording.outputs["i_motor"][100] = np.nan  # one channel's sample is no gap
+    assert pieces(recording, 0.2) == found
+
+
+def test_nothing_is_predicted_in_a_gap_and_all_of_the_rest() -> None:
+    recording = recorded(run(seconds=1.5))
+    lost = (recording.time > 0.8) & (recording.time < 1.0)
+    recording.outputs = {n: np.where(lost, np.nan, y) for n, y in recording.outputs.items()}
+    found = predict(recording, Variant(BASE), NOISE)
+    for channel, series in found.items():
+        np.testing.assert_array_equal(np.isfinite(series), ~lost)
+        error = (series - recording.outputs[channel])[~lost]
+        assert np.std(error) == pytest.approx(SIGMA[channel], rel=0.1)
+
+
+def test_a_prediction_begins_at_a_state_that_knows_nothing_of_the_samples_it_predicts(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What is recorded from a piece's beginning on does not move the prediction there, the sizes being given."""
+    monkeypatch.setattr(prediction, "with_sizes", lambda estimator, tracked: estimator)
+    recording = recorded(run(seconds=1.0))
+    before = predict(recording, Variant(BASE), NOISE)
+    later = recording.time > 0.7999
+    recording.outputs = {n: np.where(later, y + 5 * SIGMA[n], y) for n, y in recording.outputs.items()}
+    after = predict(recording, Variant(BASE), NOISE)
+    for channel in SIGMA:
+        np.testing.assert_array_equal(after[channel], before[channel])
+
+
+def test_a_unit_whose_states_cannot_be_set_has_no_prediction(axis: Path) -> None:
+    time = np.arange(10) * 1e-3
+    recording = Recording("run", "holdout", "default", time, {"u": time}, {"axis.s": time}, {})
+    figures = predicted_figures([recording], {"nominal": Variant({"default": load_system(axis)})}, {})
+    assert figures == {"axis.s": None}

@@ -169,13 +169,14 @@ def _spectrum(evidence: Evidence, port: str, d: Array, phi: Array, name: str) ->
     weight = moving / max(float(moving.sum()), 1e-300)  # so that every turn counts alike
     centred = (d - np.sum(weight * d)) * weight
     amplitude = np.array([2 * abs(np.sum(centred * np.exp(-1j * n * phi))) for n in orders])
-    peaks = []
+    peaks: list[Peak] = []
     left = amplitude.copy()
     while len(peaks) < PEAKS and left.max(initial=0.0) > 0:
         n = float(orders[np.argmax(left)])
         left[np.abs(orders - n) < 3 / max(turns, 1e-9)] = 0
         peaks.append(_peak(evidence, port, phi, n))
-    return Spectrum(name, orders, amplitude, tuple(sorted(peaks, key=lambda p: -abs(p.amplitude))))
+    found = tuple(sorted(peaks, key=lambda p: -abs(p.amplitude)))
+    return Spectrum(name, np.asarray(orders, dtype=np.float64), amplitude, found)
 
 
 def _peak(evidence: Evidence, port: str, phi: Array, order: float) -> Peak:

@@ -219,12 +219,12 @@ class StateEstimator:
         )
         fields = ("F", "jump", "H", "r")
         joined = Steps(*(np.concatenate([getattr(s, f) for s in steps]) for f in fields))
-        parts = ("predicted", "updated", "P", "e", "precision", "K")
-        filtered = Filtered(
-            *(np.concatenate([getattr(f, part) for f in found]) for part in parts),
-            P_end=found[-1].P_end,
-            log_likelihood=sum(f.log_likelihood for f in found),
+        predicted, updated, P, e, precision, K = (
+            np.concatenate([getattr(f, part) for f in found])
+            for part in ("predicted", "updated", "P", "e", "precision", "K")
         )
+        likelihood = sum(f.log_likelihood for f in found)
+        filtered = Filtered(predicted, updated, P, e, precision, K, found[-1].P_end, likelihood)
         signals = {name: whole([p.signals[name] for p in pieces]) for name in pieces[0].signals}
         return Tracked(recording, time, x, whole([p.y for p in pieces]), signals, reference, joined, filtered,
                        tuple(tangents))  # fmt: skip

@@ -251,7 +251,7 @@ class Evidence:
         return self._parts[n]
 
     def _of_parameters(self) -> Effect:
-        parts = [self._of_term(TermCandidate(p, "", "", p, 0.0, -np.inf, np.inf, ""), [{}]) for p in self._parameters]
+        parts = [self._of_term(TermCandidate(p, p, 0.0, -np.inf, np.inf, ""), [{}]) for p in self._parameters]
         psi, direct = [], []
         for n, t in enumerate(self.trackings):
             psi.append(

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import cobot_joint
+from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.archive import save
 from cobot_joint.diagnosis.basis import of_campaign
@@ -18,9 +19,11 @@ from cobot_joint.diagnosis.repair.compare import Comparison, channel_figures
 from cobot_joint.diagnosis.repair.discrepancy import DISCREPANCY
 from cobot_joint.diagnosis.repair.gate import judged
 from cobot_joint.diagnosis.repair.repair import repair
-from cobot_joint.diagnosis.repair.verify import compare_systems, exported, write_json
+from cobot_joint.diagnosis.repair.verify import compare_systems, exported, variants, write_json
 from cobot_joint.diagnosis.report.report import ReportData, TermText, verdict_sentence, write_report
 from cobot_joint.diagnosis.report.words import spoken
+from cobot_joint.diagnosis.state_estimation.noise import noise_of
+from cobot_joint.diagnosis.state_estimation.prediction import predicted_figures
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.errors import UserError, among
 from cobot_joint.files import write_atomically
@@ -60,7 +63,7 @@ def diagnose_campaign(
     calibrated, loads = diagnosis.parameters("calibrated"), diagnosis.load_histories()
     compared = compare_systems(campaign, campaign.recordings, out, calibrated, loads)
     diagnosis.channels = channels(compared, quality)
-    judge(diagnosis)
+    judge(diagnosis, lambda: anchored(campaign, out, calibrated, say))
     content = spoken(diagnosis.to_json()) | {"exported": exported(out, campaign.setups)}
     say("reporting")
     texts = term_texts(systems)
@@ -84,12 +87,33 @@ def diagnose_campaign(
     return Outcome(verdict_sentence(content, texts), content, units_of(campaign), files)
 
 
-def judge(diagnosis: Diagnosis) -> None:
-    """Withhold a repair that does not predict, and what was claimed with it."""
+def judge(diagnosis: Diagnosis, predict: Callable[[], Mapping[str, Any]] = dict) -> None:
+    """Withhold a repair that does not predict, and what was claimed with it.
+
+    predict: channel -> figures of anchored predictions of the held-out runs. Asked only where free runs speak against
+    the repair: these add up whatever is wrong, and lose angles.
+    """
     if not diagnosis.findings or judged(diagnosis.channels) == "offered":
+        return
+    for name, figures in predict().items():
+        if "holdout" in diagnosis.channels[name]:
+            diagnosis.channels[name]["holdout"]["predicted"] = figures
+    if judged(diagnosis.channels) == "offered":
         return
     diagnosis.repair, diagnosis.verdict = "withheld", "undecided"
     diagnosis.findings = [replace(f, confidence=min(f.confidence, thresholds.WITHHELD)) for f in diagnosis.findings]
+
+
+def anchored(campaign: Campaign, out: Path, calibrated: Mapping[str, float], say: Progress) -> dict[str, Any]:
+    """Channel -> figures of anchored predictions of the held-out runs; empty: there are none, or none can be had."""
+    if not campaign.holdout:
+        return {}
+    say("predicting the held-out runs from short distances")
+    try:
+        return predicted_figures(campaign.holdout, variants(campaign, out, calibrated), noise_of(campaign))
+    except SimulationError as error:
+        say(f"no anchored prediction: {error}")
+        return {}
 
 
 def engine(baseline: str | None) -> Callable[..., Diagnosis]:

@@ -40,7 +40,7 @@ class Filtered:
     """What a filter found. Predicted from earlier samples, updated with the present one.
 
     predicted, updated: (n, N); P: covariance of `predicted`, (n, N, N). Of channels one by one: e:
-    innovations, (n, m), precision: 1/variance, (n, m), both 0 where not recorded, K: gains, (n, m, N). P_end: that
+    innovations, (n, m), precision: 1/variance, (n, m), both 0 where not recorded, K: gains, (n, m, N). P_end:
     covariance of the last `updated`; log_likelihood: of the innovations, but for its constant.
     """
 

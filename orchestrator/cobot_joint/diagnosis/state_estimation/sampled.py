@@ -89,7 +89,12 @@ class SampledSystem:
             float(time[-1]) + 0.1 * step,
             start_time=float(time[0]),
             output_step=step,
-            parameters=self._before_onsets() | {s.name: float(v) for s, v in zip(self.states, x, strict=True)},
+            parameters=self._before_onsets()
+            | {
+                # an estimate may lie beyond what a unit lets a state start at: a brake's torque a little below 0
+                s.name: float(np.clip(v, s.lower, s.upper))
+                for s, v in zip(self.states, x, strict=True)
+            },
             parameter_events=[(t, {name: self.values[name]}) for name, t in self.onsets.items()],
             record=self._record,
         )

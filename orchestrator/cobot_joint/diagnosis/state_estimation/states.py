@@ -9,18 +9,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from cobot_joint.system.model import Component, System
 from cobot_joint.units import TOOL
 
 
 @dataclass(frozen=True)
 class StateVariable:
-    """A state of a unit, the variable that is its derivative, and what counts as much of it."""
+    """A state of a unit, the variable that is its derivative, what counts as much of it, and where it may start."""
 
     component: str
     variable: str
     derivative: str
     nominal: float
+    lower: float = -np.inf
+    upper: float = np.inf
 
     @property
     def name(self) -> str:
@@ -52,5 +56,8 @@ def _listed(component: Component) -> list[StateVariable]:
     for unknown in component.unit.description.derivatives:
         derivative = unknown.variable
         state = derivative.derivative
-        found.append(StateVariable(component.name, state.name, derivative.name, abs(float(state.nominal or 1.0))))
+        lower, upper = component.unit.bounds_of(state.name)
+        nominal = abs(float(state.nominal or 1.0))
+        bounds = -np.inf if lower is None else lower, np.inf if upper is None else upper
+        found.append(StateVariable(component.name, state.name, derivative.name, nominal, *bounds))
     return found

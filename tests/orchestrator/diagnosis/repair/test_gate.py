@@ -61,3 +61,12 @@ def test_what_a_repair_removes_is_counted_against_the_better_of_nominal_and_cali
 def test_a_calibration_that_predicts_worse_than_the_data_sheet_is_said_to() -> None:
     assert calibration_misleads(channels(2.0, 4.0, 1.0))
     assert not calibration_misleads(channels(4.0, 2.0, 1.0))
+
+
+def test_a_repair_that_free_runs_speak_against_is_offered_where_it_predicts_from_short_distances() -> None:
+    finding = Finding("axis.cogging", (), 0.95, None, {}, dict(WHERE), 1e6)
+    diagnosis = Diagnosis("explained", [finding], {}, {}, channels=channels(1.5, 4.0, 6.0))
+    short = {"horizon": 0.2, "nominal": 3.0, "calibrated": 2.0, "repaired": 1.0}
+    judge(diagnosis, lambda: {"w": short})
+    assert (diagnosis.verdict, diagnosis.repair) == ("explained", "offered")
+    assert diagnosis.channels["w"]["holdout"]["predicted"] == short

@@ -1,3 +1,5 @@
 """Runs the joint test bench: units (FMUs) coupled as an SSP system, scenarios as data, results with provenance."""
 
-__version__ = "0.1.0"
+from cobot_joint.version import __version__
+
+__all__ = ["__version__"]

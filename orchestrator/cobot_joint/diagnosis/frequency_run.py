@@ -20,8 +20,8 @@ from cobot_joint.diagnosis.report.report import verdict_sentence
 from cobot_joint.diagnosis.report.words import spoken
 from cobot_joint.diagnosis.run import Outcome, term_texts
 from cobot_joint.diagnosis.store import Store
-from cobot_joint.results import write_csv
-from cobot_joint.scenario.figures import Curve, Panel, draw
+from cobot_joint.results.figures import Curve, Panel, draw
+from cobot_joint.results.files import write_csv
 
 Vector = NDArray[np.float64]
 

@@ -7,15 +7,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.cosim import simulate
+from cobot_joint.cosim import Experiment, simulate
 from cobot_joint.errors import UserError
-from cobot_joint.results import SignalsWriter, columns_of, header, provenance, write_csv
-from cobot_joint.scenario.figures import Curve, Panel, draw, time_figures
+from cobot_joint.results.figures import Curve, Panel, draw, time_figures
+from cobot_joint.results.files import SignalsWriter, columns_of, header, provenance, write_csv
+from cobot_joint.results.result import Result
 from cobot_joint.scenario.model import CurrentSensorCalibration, TorqueCalibration
 from cobot_joint.scenario.options import TRANSFER_FUNCTION, Options
 from cobot_joint.scenario.report import Progress, Report, Table
 from cobot_joint.scenario.time_run import energy_table
-from cobot_joint.system import Inputs, Result, System, load_system
+from cobot_joint.system import Inputs, System, load_system
 
 RAMP = 0.2  # of a step's length: how long the change to its level takes
 READ = 0.2  # of a step's length, at its end: what is averaged
@@ -146,7 +147,9 @@ def _staircase(
     time, value = staircase(levels, scenario.settle)
     record = [*system.inputs, *system.outputs]
     coupling = options.coupling(scenario)
-    return simulate(system, Inputs(time, {name: value}), float(time[-1]), record=record, progress=progress, **coupling)
+    return simulate(
+        system, Experiment(Inputs(time, {name: value}), float(time[-1]), record=record, **coupling), progress=progress
+    )
 
 
 def _report(

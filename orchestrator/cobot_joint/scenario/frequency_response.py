@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.signal import lti
 
-from cobot_joint.cosim import Simulation
+from cobot_joint.cosim import Experiment, Simulation
 from cobot_joint.errors import UserError
-from cobot_joint.results import SignalsWriter, header, provenance, write_csv
-from cobot_joint.scenario.figures import Curve, Panel, draw
+from cobot_joint.results.figures import Curve, Panel, draw
+from cobot_joint.results.files import SignalsWriter, header, provenance, write_csv
 from cobot_joint.scenario.model import FrequencyResponse, Variant
 from cobot_joint.scenario.options import TRANSFER_FUNCTION, Options
 from cobot_joint.scenario.report import Progress, Report, Table
@@ -157,11 +157,13 @@ def sweep(
             inputs = Inputs(time, {scenario.input: scenario.amplitude * np.sin(omega * time)})
             rows = _rows(scenario, omega)
             result = simulation.run(
-                inputs,
-                rows[-1],
-                output_step=rows[1],
-                record=[scenario.input, scenario.current, scenario.speed],
-                **options.coupling(scenario),
+                Experiment(
+                    inputs,
+                    rows[-1],
+                    output_step=rows[1],
+                    record=[scenario.input, scenario.current, scenario.speed],
+                    **options.coupling(scenario),
+                )
             )
             signals = result.signals
             yield Series(

@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from cobot_joint.results import write_text
+from cobot_joint.results.files import write_text
 from cobot_joint.scenario.options import Options
 from cobot_joint.scenario.report import Progress, Report
 

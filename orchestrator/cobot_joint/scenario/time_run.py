@@ -8,14 +8,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.cosim import Simulation
+from cobot_joint.cosim import Experiment, Simulation
 from cobot_joint.errors import UserError
-from cobot_joint.results import SignalsWriter, columns_of, provenance
-from cobot_joint.scenario.figures import time_figures
+from cobot_joint.results.figures import time_figures
+from cobot_joint.results.files import SignalsWriter, columns_of, provenance
+from cobot_joint.results.result import Result
 from cobot_joint.scenario.model import TimeScenario
 from cobot_joint.scenario.options import TRANSFER_FUNCTION, Options
 from cobot_joint.scenario.report import Progress, Report, Table
-from cobot_joint.system import Result, load_system
+from cobot_joint.system import load_system
 from cobot_joint.system.wiring import warn_of_unconnected
 
 MOST_POINTS = 25_000  # per signal in a picture
@@ -69,13 +70,15 @@ def run_over_time(scenario: TimeScenario, out: Path, options: Options, progress:
     path = out / "signals.parquet"
     with Simulation(system) as simulation, SignalsWriter(path, columns, facts) as writer:
         pieces = simulation.stream(
-            inputs,
-            scenario.stop_time,
-            output_step=scenario.output_step,
-            record=[*system.inputs, *system.outputs],
+            Experiment(
+                inputs,
+                scenario.stop_time,
+                output_step=scenario.output_step,
+                record=[*system.inputs, *system.outputs],
+                **options.coupling(scenario),
+            ),
             progress=progress,
             rows_per_chunk=ROWS_PER_CHUNK,
-            **options.coupling(scenario),
         )
         for last in pieces:
             writer.write({"time": last.time, **last.signals})

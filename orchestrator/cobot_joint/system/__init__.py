@@ -1,7 +1,7 @@
 """Systems of units: SSP 1.0 in and out, wiring checks, unit conversion, initial values."""
 
 from cobot_joint.system.initial import initial_order
-from cobot_joint.system.model import Component, Connection, Connector, Experiment, Inputs, Result, System
+from cobot_joint.system.model import Component, Connection, Connector, DefaultExperiment, Inputs, System
 from cobot_joint.system.parameters import with_parameters
 from cobot_joint.system.read import find_system, load_system
 from cobot_joint.system.wiring import Wiring, check
@@ -11,9 +11,8 @@ __all__ = [
     "Component",
     "Connection",
     "Connector",
-    "Experiment",
+    "DefaultExperiment",
     "Inputs",
-    "Result",
     "System",
     "Wiring",
     "check",

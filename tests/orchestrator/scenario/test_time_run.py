@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from cobot_joint.errors import UserError
-from cobot_joint.results import read_provenance
+from cobot_joint.results.files import read_provenance
 from cobot_joint.scenario import load_scenario
 from cobot_joint.scenario.options import Options
 from cobot_joint.scenario.run import run_scenario

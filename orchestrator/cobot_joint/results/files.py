@@ -20,8 +20,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-import cobot_joint
 from cobot_joint.system.model import System
+from cobot_joint.version import __version__
 
 ROWS_PER_GROUP = 20_000  # at least, in each row group but the last
 METADATA = "cobot-joint"  # key of the provenance, JSON, in the Parquet file's metadata
@@ -46,7 +46,7 @@ def provenance(system: System | None, **more: Any) -> dict[str, Any]:
     return {
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "versions": {
-            "cobot-joint": cobot_joint.__version__,
+            "cobot-joint": __version__,
             "python": platform.python_version(),
             **{name: version(name) for name in ("fmpy", "numpy", "pyarrow")},
         },

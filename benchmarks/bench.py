@@ -10,8 +10,7 @@ from benchmarks import units
 from benchmarks.measure import rms
 from benchmarks.monolith import INPUTS, SAMPLE, Table, averaged, three_phase
 from benchmarks.peers import JACOBI, Wiring
-from cobot_joint.scenario import load_scenario
-from cobot_joint.scenario.model import TimeScenario
+from cobot_joint.scenario.model import TimeScenario, load_scenario
 from cobot_joint.system import Component, Connection, Connector, DefaultExperiment, Inputs, System
 from cobot_joint.system.read import load_system
 from cobot_joint.units import load_unit

@@ -13,9 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import joblib
-from joblib.externals.loky.process_executor import TerminatedWorkerError
-
 from cobot_joint.cosim.experiment import Experiment
 from cobot_joint.cosim.simulation import Simulation
 from cobot_joint.errors import UserError
@@ -96,6 +93,9 @@ def simulate_many(
 
 def _over_processes(campaign: _Campaign, todo: dict[int, Experiment], jobs: int) -> Iterator[Outcome]:
     """Where a process dies, those runs that had been started are tried alone, and the rest goes on."""
+    import joblib  # here: most runs are single ones, and it takes longer to import than one of these takes
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
+
     workers = joblib.cpu_count() if jobs < 0 else max(1, jobs)
     while todo:
         per_task = max(1, min(RUNS_PER_TASK, math.ceil(len(todo) / (4 * workers))))
@@ -113,12 +113,16 @@ def _over_processes(campaign: _Campaign, todo: dict[int, Experiment], jobs: int)
 
 
 def _parallel(campaign: _Campaign, tasks: list[list[tuple[int, Experiment]]], workers: int) -> Iterator[list[Outcome]]:
+    import joblib
+
     parallel = joblib.Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)
     yield from parallel(joblib.delayed(_run_task)(campaign, task) for task in tasks)
 
 
 def _alone(campaign: _Campaign, n: int, experiment: Experiment) -> Outcome:
     """A run in a process of its own, that may die."""
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
+
     twice = [[(n, experiment)], []]  # with one task alone joblib would run it right here
     try:
         return next(outcome for outcomes in _parallel(campaign, twice, 2) for outcome in outcomes)

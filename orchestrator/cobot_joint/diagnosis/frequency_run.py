@@ -20,7 +20,8 @@ from cobot_joint.diagnosis.report.report import verdict_sentence
 from cobot_joint.diagnosis.report.words import spoken
 from cobot_joint.diagnosis.run import Outcome, term_texts
 from cobot_joint.diagnosis.store import Store
-from cobot_joint.results.figures import Curve, Panel, draw
+from cobot_joint.results.draw import draw
+from cobot_joint.results.figures import Curve, Panel, Picture
 from cobot_joint.results.files import write_csv
 
 Vector = NDArray[np.float64]
@@ -94,7 +95,7 @@ def _pictures(response: Response, readings: Sequence[Reading], out: Path) -> lis
         Panel("simulated/measured - 1 [%]", misfit),
         Panel("repaired, every reading [%]", others),
     ]
-    pictures = draw(out / "report", "amplitudes", response.given.title, "omega [rad/s]", panels, x_log=True)
+    picture = Picture(out / "report", "amplitudes", response.given.title, "omega [rad/s]", panels, x_log=True)
     headers = ["omega [rad/s]", "measured", *simulated]
     rows = [[float(x) for x in row] for row in zip(omega, measured, *simulated.values(), strict=True)]
-    return [*pictures, write_csv(out / "response.csv", headers, rows)]
+    return [*draw(picture), write_csv(out / "response.csv", headers, rows)]

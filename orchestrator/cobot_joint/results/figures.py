@@ -1,17 +1,23 @@
-"""Pictures of runs: each once as HTML to zoom into and once as PNG."""
+"""Pictures as data, and as one HTML file each that zooms, opens offline and needs no other file."""
 
 from __future__ import annotations
 
+import base64
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from html import escape
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
-import plotly.graph_objects as go
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from plotly.subplots import make_subplots
+
+# Okabe and Ito's palette, which colour-blind people can tell apart
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+PANEL, MARGIN = 260, 120  # px
 
 
 @dataclass(frozen=True)
@@ -21,7 +27,7 @@ class Curve:
     label: str
     x: NDArray[np.float64]
     y: NDArray[np.float64]
-    style: Literal["line", "dashed", "markers", "bars"] = "line"
+    style: Literal["line", "dashed", "markers"] = "line"
 
 
 @dataclass(frozen=True)
@@ -32,64 +38,84 @@ class Panel:
     curves: Sequence[Curve]
 
 
-def draw(
-    stem: Path, what: str, title: str, x_label: str, panels: Sequence[Panel], x_log: bool = False
-) -> dict[Path, str]:
-    """`stem`.html and `stem`.png; path -> what it shows. plotly.min.js is written beside them: HTML opens offline."""
-    stem.parent.mkdir(parents=True, exist_ok=True)
-    _interactive(title, x_label, panels, x_log).write_html(stem.with_suffix(".html"), include_plotlyjs="directory")
-    _still(title, x_label, panels, x_log).savefig(stem.with_suffix(".png"), dpi=110)
-    return {stem.with_suffix(suffix): f"{what}, {form}" for suffix, form in ((".html", "to zoom"), (".png", "picture"))}
+@dataclass(frozen=True)
+class Picture:
+    """Panels above one another, to become `stem`.html and `stem`.png; `what` it shows stands beside the files."""
+
+    stem: Path
+    what: str
+    title: str
+    x_label: str
+    panels: Sequence[Panel]
+    x_log: bool = False
+
+    @property
+    def files(self) -> dict[Path, str]:
+        """path -> what it shows"""
+        forms = {".html": "to zoom", ".png": "picture"}
+        return {self.stem.with_suffix(suffix): f"{self.what}, {form}" for suffix, form in forms.items()}
 
 
-def time_figures(
-    stem: Path,
-    title: str,
-    time: NDArray[np.float64],
-    signals: Mapping[str, NDArray[np.float64]],
-    units: Mapping[str, str | None],
-) -> dict[Path, str]:
-    """Signals over time, one panel per unit. `signals`: name -> float64[n] at `time`: float64[n]"""
+def over_time(
+    time: NDArray[np.float64], signals: Mapping[str, NDArray[np.float64]], units: Mapping[str, str | None]
+) -> list[Panel]:
+    """A panel per unit. `signals`: name -> float64[n] at `time`: float64[n], s"""
     by_unit: dict[str, list[Curve]] = {}
     for name, samples in signals.items():
         by_unit.setdefault(units.get(name) or "1", []).append(Curve(name, time, samples))
-    panels = [Panel(f"[{unit}]", curves) for unit, curves in by_unit.items()]
-    return draw(stem, "signals over time", title, "time [s]", panels)
+    return [Panel(f"[{unit}]", curves) for unit, curves in by_unit.items()]
 
 
-def _interactive(title: str, x_label: str, panels: Sequence[Panel], x_log: bool) -> go.Figure:
-    figure = make_subplots(rows=len(panels), cols=1, shared_xaxes=True, vertical_spacing=0.03)
-    for row, panel in enumerate(panels, start=1):
+def write_html(picture: Picture) -> Path:
+    """For plotly.js, which is written into the file; its figure is plain JSON, so that Python's side is not needed."""
+    path = picture.stem.with_suffix(".html")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure = json.dumps(_figure(picture)).replace("</", "<\\/")
+    path.write_text(
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(picture.title)}</title>'
+        f'<script>{_plotly_js()}</script></head><body><div id="figure"></div>'
+        f'<script>Plotly.newPlot("figure", {figure});</script></body></html>\n',
+        encoding="utf-8",
+    )
+    return path
+
+
+@cache
+def _plotly_js() -> str:
+    spec = find_spec("plotly")  # not imported: that takes longer than many a run
+    assert spec is not None
+    assert spec.submodule_search_locations
+    return (Path(spec.submodule_search_locations[0]) / "package_data" / "plotly.min.js").read_text(encoding="utf-8")
+
+
+def _figure(picture: Picture) -> dict[str, Any]:
+    """https://plotly.com/javascript/reference: one x axis, a y axis per panel."""
+    data: list[dict[str, Any]] = []
+    for n, panel in enumerate(picture.panels):
         for curve in panel.curves:
-            if curve.style == "bars":
-                trace = go.Bar(x=curve.x, y=curve.y, name=curve.label)
-            elif curve.style == "markers":
-                trace = go.Scatter(x=curve.x, y=curve.y, name=curve.label, mode="markers")
-            else:
-                line = {"dash": "dash"} if curve.style == "dashed" else {}
-                trace = go.Scatter(x=curve.x, y=curve.y, name=curve.label, mode="lines", line=line)
-            figure.add_trace(trace, row=row, col=1)
-        figure.update_yaxes(title_text=panel.y_label, row=row, col=1)
-    if x_log:
-        figure.update_xaxes(type="log")
-    figure.update_xaxes(title_text=x_label, row=len(panels), col=1)
-    return figure.update_layout(title=title, template="plotly_white", height=120 + 260 * len(panels))
+            data.append(_trace(curve, COLOURS[len(data) % len(COLOURS)]) | {"xaxis": "x", "yaxis": f"y{_nth(n)}"})
+    layout = {
+        "title": {"text": picture.title},
+        "xaxis": {"title": {"text": picture.x_label}, "type": "log" if picture.x_log else "linear"},
+        "grid": {"rows": len(picture.panels), "columns": 1, "pattern": "coupled", "ygap": 0.08},
+        "height": MARGIN + PANEL * len(picture.panels),
+        **{f"yaxis{_nth(n)}": {"title": {"text": panel.y_label}} for n, panel in enumerate(picture.panels)},
+    }
+    return {"data": data, "layout": layout, "config": {"responsive": True}}
 
 
-def _still(title: str, x_label: str, panels: Sequence[Panel], x_log: bool) -> Figure:
-    figure = Figure(figsize=(10, 1 + 2.4 * len(panels)), layout="constrained")
-    figure.suptitle(title)
-    axes = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True))
-    for axis, panel in zip(axes, panels, strict=True):
-        for curve in panel.curves:
-            if curve.style in ("markers", "bars"):
-                axis.plot(curve.x, curve.y, "o" if curve.style == "markers" else "s", ms=4, label=curve.label)
-            else:
-                axis.plot(curve.x, curve.y, "--" if curve.style == "dashed" else "-", lw=1.2, label=curve.label)
-        axis.set_ylabel(panel.y_label)
-        axis.grid(alpha=0.3)
-        axis.legend(fontsize="small", loc="best", ncols=1 + len(panel.curves) // 4)
-        if x_log:
-            axis.set_xscale("log")
-    axes[-1].set_xlabel(x_label)
-    return figure
+def _nth(n: int) -> str:
+    return "" if n == 0 else str(n + 1)
+
+
+def _trace(curve: Curve, colour: str) -> dict[str, Any]:
+    trace: dict[str, Any] = {"name": curve.label, "x": _samples(curve.x), "y": _samples(curve.y)}
+    if curve.style == "markers":
+        return trace | {"type": "scatter", "mode": "markers", "marker": {"color": colour}}
+    dash = "dash" if curve.style == "dashed" else "solid"
+    return trace | {"type": "scatter", "mode": "lines", "line": {"color": colour, "dash": dash, "width": 1.5}}
+
+
+def _samples(x: NDArray[np.float64]) -> dict[str, str]:
+    """plotly.js's typed array"""
+    return {"dtype": "f8", "bdata": base64.b64encode(np.ascontiguousarray(x, dtype="<f8").tobytes()).decode()}

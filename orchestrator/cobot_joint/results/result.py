@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from html import escape
+from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +18,16 @@ if TYPE_CHECKING:
     import pandas
     import xarray
     from matplotlib.figure import Figure
+
+
+def library(name: str, wanted_by: str) -> Any:
+    """A library that only some callers want. UserError: it is not installed, and how it is."""
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise UserError(
+            f"{wanted_by}: {name} is not installed, `pip install cobot-joint[notebook]` brings it"
+        ) from error
 
 
 @dataclass
@@ -55,27 +67,24 @@ class Result:
 
         KeyError: a signal that was not recorded.
         """
-        from cobot_joint.results.figures import over_time, still
+        from matplotlib import pyplot
 
-        chosen = {name: self[name] for name in names or self.signals}
-        return still(f"{self.scheme}, {self.time[-1]:g} s", "time [s]", over_time(self.time, chosen, self.units))
+        from cobot_joint.results.figures import Picture, over_time
+        from cobot_joint.results.png import still
+
+        panels = over_time(self.time, {name: self[name] for name in names or self.signals}, self.units)
+        return still(Picture(Path(), "", "", "time [s]", panels), pyplot.figure())
 
     def to_pandas(self) -> pandas.DataFrame:
         """Signals as columns over an index `time`, units in `attrs`. UserError: pandas is not installed."""
-        try:
-            import pandas
-        except ImportError as error:
-            raise UserError("to_pandas: `pip install pandas` brings what it needs") from error
+        pandas = library("pandas", "to_pandas")
         frame = pandas.DataFrame(self.signals, index=pandas.Index(self.time, name="time"))
         frame.attrs["units"] = {"time": "s", **self.units}
         return frame
 
     def to_xarray(self) -> xarray.Dataset:
         """Signals over the dimension `time`, each with its unit as attribute. UserError: xarray is not installed."""
-        try:
-            import xarray
-        except ImportError as error:
-            raise UserError("to_xarray: `pip install xarray` brings what it needs") from error
+        xarray = library("xarray", "to_xarray")
         signals = {name: ("time", x, {"units": self.units.get(name) or "1"}) for name, x in self.signals.items()}
         return xarray.Dataset(signals, {"time": ("time", self.time, {"units": "s"})}, {"scheme": self.scheme})
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cobot_joint.cosim import Experiment, simulate
 from cobot_joint.errors import UserError
-from cobot_joint.results.figures import Curve, Panel, draw, time_figures
+from cobot_joint.results.figures import Curve, Panel, Picture, over_time
 from cobot_joint.results.files import SignalsWriter, columns_of, header, provenance, write_csv
 from cobot_joint.results.result import Result
 from cobot_joint.scenario.model import CurrentSensorCalibration, TorqueCalibration
@@ -69,9 +69,8 @@ def run_torque_calibration(
         Curve("eq. 3.3", measured, line["slope"] * measured + line["offset"], "dashed"),
     ]
     panel = Panel(header("applied torque", "N.m"), curves)
-    report.files |= draw(
-        out / "torque_calibration", "applied over measured", report.title, "measured torque [N.m]", [panel]
-    )  # fmt: skip
+    stem = out / "torque_calibration"
+    report.pictures.append(Picture(stem, "applied over measured", report.title, "measured torque [N.m]", [panel]))
     report.values = {
         "slope": float(slope),
         "offset [N.m]": float(offset),
@@ -105,10 +104,8 @@ def run_current_sensor_calibration(
     report.tables.append(Table("ACS712 per phase", headers, rows))
     report.files[write_csv(out / "current_sensor_calibration.csv", headers, rows)] = "zero and slope per phase"
     curves.append(Curve("2.5 V + 185 mV/A", currents, scenario.zero + scenario.slope * currents, "dashed"))
-    report.files |= draw(
-        out / "current_sensor_calibration", "output over current", report.title, "current [A]",
-        [Panel(header("output", "V"), curves)],
-    )  # fmt: skip
+    stem, panel = out / "current_sensor_calibration", Panel(header("output", "V"), curves)
+    report.pictures.append(Picture(stem, "output over current", report.title, "current [A]", [panel]))
     return report
 
 
@@ -145,11 +142,9 @@ def _staircase(
     progress: Progress | None,
 ) -> Result:
     time, value = staircase(levels, scenario.settle)
-    record = [*system.inputs, *system.outputs]
-    coupling = options.coupling(scenario)
-    return simulate(
-        system, Experiment(Inputs(time, {name: value}), float(time[-1]), record=record, **coupling), progress=progress
-    )
+    inputs = Inputs(time, {name: value})
+    experiment = Experiment(inputs, float(time[-1]), record=system.recorded, **options.coupling(scenario))
+    return simulate(system, experiment, progress)
 
 
 def _report(
@@ -161,5 +156,6 @@ def _report(
     with SignalsWriter(path, columns_of(system), facts) as writer:
         writer.write({"time": result.time, **result.signals})
     report.files[path] = "signals, units and provenance"
-    report.files |= time_figures(out / "signals", report.title, result.time, result.signals, columns_of(system))
+    panels = over_time(result.time, result.signals, result.units)
+    report.pictures.append(Picture(out / "signals", "signals over time", report.title, "time [s]", panels))
     return report

@@ -15,7 +15,7 @@ from scipy.signal import lti
 
 from cobot_joint.cosim import Experiment, Simulation
 from cobot_joint.errors import UserError
-from cobot_joint.results.figures import Curve, Panel, draw
+from cobot_joint.results.figures import Curve, Panel, Picture
 from cobot_joint.results.files import SignalsWriter, header, provenance, write_csv
 from cobot_joint.scenario.model import FrequencyResponse, Variant
 from cobot_joint.scenario.options import TRANSFER_FUNCTION, Options
@@ -112,7 +112,7 @@ def run_frequency_response(
         report.tables.append(Table("energy", ["mechanical connection", "largest residual [%]"], rows))
     report.files[_write_table(out, report.tables[1])] = "amplitudes and misfit per frequency"
     level = options.level or "units"
-    report.files |= _bode(out, f"{report.title}: {level}", scenario, omegas, measured, responses, amplitudes)
+    report.pictures.append(_bode(out, f"{report.title}: {level}", scenario, omegas, measured, responses, amplitudes))
     for variant, fit, amplitude in zip(scenario.variants, fits, amplitudes, strict=True):
         report.values |= {
             f"{variant.name}: gain [dB]": fit.gain,
@@ -284,7 +284,7 @@ def _bode(
     measured: NDArray[np.float64],
     responses: list[list[Response]],
     amplitudes: list[NDArray[np.float64]],
-) -> Mapping[Path, str]:
+) -> Picture:
     fine = np.geomspace(omegas[0], omegas[-1], 200)
     gain = [Curve("measured, Table C.1", omegas, 20 * np.log10(measured / scenario.amplitude), "markers")]
     phase, misfit = [], []
@@ -299,4 +299,5 @@ def _bode(
         Panel("phase [deg]", phase),
         Panel("simulated/measured - 1 [%]", misfit),
     ]
-    return draw(out / "frequency_response", "Bode plot with Table C.1", title, "omega [rad/s]", panels, x_log=True)
+    stem = out / "frequency_response"
+    return Picture(stem, "Bode plot with Table C.1", title, "omega [rad/s]", panels, x_log=True)

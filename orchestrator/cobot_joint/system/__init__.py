@@ -4,6 +4,7 @@ from cobot_joint.system.initial import initial_order
 from cobot_joint.system.model import Component, Connection, Connector, DefaultExperiment, Inputs, System
 from cobot_joint.system.parameters import with_parameters
 from cobot_joint.system.read import find_system, load_system
+from cobot_joint.system.swap import with_units
 from cobot_joint.system.wiring import Wiring, check
 from cobot_joint.system.write import fmu_names, write_ssd, write_ssp, write_ssv
 
@@ -21,6 +22,7 @@ __all__ = [
     "initial_order",
     "load_system",
     "with_parameters",
+    "with_units",
     "write_ssd",
     "write_ssp",
     "write_ssv",

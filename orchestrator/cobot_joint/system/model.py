@@ -88,6 +88,17 @@ class System:
                 return component
         raise KeyError(f"{self.name} has no component {name!r}, it has {', '.join(c.name for c in self.components)}")
 
+    @property
+    def recorded(self) -> list[str]:
+        """What a run records: inputs and outputs; of a system without outputs, those of its components."""
+        ports = [
+            f"{c.name}.{v.name}"
+            for c in self.components
+            for v in c.unit.variables.values()
+            if v.causality == "output" and v.type != "String"
+        ]
+        return [*self.inputs, *(self.outputs or ports)]
+
     def unit_of(self, signal: str) -> str | None:
         """The unit of an input or output of the system, or of a `component.variable`; None where nothing is said."""
         connector = self.inputs.get(signal) or self.outputs.get(signal)

@@ -51,13 +51,19 @@ def load_system(path: Path | str) -> System:
 
 def find_system(path: Path | str) -> Path:
     """The file of a shipped system by its name, or the given file. UserError: there is neither."""
-    shipped = {file.stem: file for file in sorted(paths.folder("systems").glob("*.ssd"))}
-    if str(path) in shipped:
-        return shipped[str(path)]
+    if str(path) in system_names():
+        return paths.folder("systems") / f"{path}.ssd"
     path = Path(path)
     if path.suffix not in (".ssd", ".ssp") or not path.is_file():
-        raise UserError(f"system {str(path)!r}: there is none, allowed are {among(shipped)} or an .ssd or .ssp file")
+        raise UserError(
+            f"system {str(path)!r}: there is none, allowed are {among(system_names())} or an .ssd or .ssp file"
+        )
     return path
+
+
+def system_names() -> list[str]:
+    """Systems that come with the package."""
+    return sorted(file.stem for file in paths.folder("systems").glob("*.ssd"))
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import os
 import sys
 import traceback
 from collections.abc import Callable, Iterator
@@ -67,8 +68,8 @@ app = typer.Typer(
     help=HELP,
 )
 console = Console()
-if not console.is_terminal:
-    console = Console(width=200)
+if not console.is_terminal and "COLUMNS" not in os.environ:
+    console = Console(width=200)  # for a file or another program: a row is a line
 
 
 @dataclass

@@ -127,7 +127,7 @@ class SignalsWriter:
 def _array(x: NDArray[np.float64]) -> pa.Array:
     """The same numbers for Arrow; `pa.array` would do it, but imports pandas to see whether this is one of its."""
     x = np.ascontiguousarray(x, dtype=np.float64)
-    return pa.Array.from_buffers(pa.float64(), len(x), [None, pa.py_buffer(memoryview(x))])
+    return pa.Array.from_buffers(pa.float64(), len(x), [None, pa.py_buffer(x.data)])
 
 
 def read_provenance(path: Path) -> dict[str, Any]:

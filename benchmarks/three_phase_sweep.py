@@ -13,7 +13,7 @@ from cobot_joint.cosim import Experiment, Simulation
 from cobot_joint.system import Component, Connection, Connector, Inputs, System
 from cobot_joint.units import find_fmu, load_unit
 
-R, K, TAU_C, D, W_C = 0.209, 0.0232, 1.2e-3, 7.5e-6, 1.0  # RIG's motor
+R, K, TAU_C, D, W_C = 0.209, 0.0232, 1.2e-3, 7.5e-6, 1.0  # the bench's motor, docs/bench.md
 CURRENTS = (None, 1.0, 2.0, 3.4, 4.0, 5.0, 6.0, 8.0, 10.0)  # A of the DC equivalent; None: no load
 VOLTAGES = (12.0, 24.0)
 DURATION, SETTLED = 61.0, 1000  # s; samples. 1 kHz samples of a 500 Hz ripple need many turns to average

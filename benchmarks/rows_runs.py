@@ -43,7 +43,7 @@ def many() -> list[Row]:
 
     def campaign(jobs: int, stop: float) -> None:
         plain = Experiment(inputs, stop)
-        outcomes = list(simulate_many(system, map(plain.having, variations), jobs=jobs, keep=last_speed))
+        outcomes = list(simulate_many(system, map(plain.with_parameters, variations), jobs=jobs, keep=last_speed))
         if failed := [outcome.error for outcome in outcomes if outcome.error]:
             raise RuntimeError(f"{len(failed)} of {len(outcomes)} runs failed, the first with: {failed[0]}")
 

@@ -68,7 +68,7 @@ def sweep(
     points = [dict(zip(axes, map(float, values), strict=True)) for values in product(*axes.values())]
     results: list[Result | None] = [None] * len(points)
     errors = {}
-    for outcome in simulate_many(system, map(experiment.having, points), jobs=jobs, progress=progress):
+    for outcome in simulate_many(system, map(experiment.with_parameters, points), jobs=jobs, progress=progress):
         results[outcome.index] = outcome.kept
         if outcome.error is not None:
             errors[outcome.index] = outcome.error

@@ -11,6 +11,8 @@ import pytest
 
 import cobot_joint as cj
 from cobot_joint.errors import UserError
+from cobot_joint.results.diagnosed import Diagnosed
+from cobot_joint.results.files import SignalsWriter
 
 
 def test_the_import_loads_no_library() -> None:
@@ -95,6 +97,35 @@ def test_load_results_opens_what_diagnose_wrote(root: Path) -> None:
     found = cj.load_results(root / "proof/sealed/case30")
     assert found.verdict in ("nothing_missing", "explained", "unlisted", "undecided")
     assert found.findings == found.content["findings"]
+
+
+@pytest.mark.long
+def test_diagnose_takes_a_campaign_and_its_results_open_again(tmp_path: Path) -> None:
+    step = cj.Inputs(np.array([0.0, 0.3, 0.6]), {"v_command": np.array([0.0, 0.0, 9.0])})
+    run = cj.run("joint_no_load", cj.Experiment(step, 1.5, record=["v_command", "i_motor", "w_motor"]))
+    noise = {"i_motor": 4e-3, "w_motor": 0.3, "v_command": 0.0}
+    rng = np.random.default_rng(3)
+    columns = {"time": "s", **run.units}
+    with SignalsWriter(tmp_path / "log.parquet", columns, {}) as writer:
+        measured = {name: x + noise[name] * rng.standard_normal(len(x)) for name, x in run.signals.items()}
+        writer.write({"time": run.time, **measured})
+    (tmp_path / "campaign.toml").write_text(
+        'title = "Healthy"\nsystem = "joint"\n[[recording]]\nfile = "log.parquet"\nsetup = "no_load"\nrole = "train"\n'
+    )
+    said: list[str] = []
+    found = cj.diagnose(tmp_path, progress=said.append)
+    assert said
+    assert found.verdict == "nothing_missing"
+    assert found.report.is_file()
+    assert cj.load_system(found.repaired).components
+    again = cj.load_results(tmp_path / "diagnosis")
+    assert isinstance(again, Diagnosed)
+    assert (again.verdict, again.findings) == (found.verdict, found.findings)
+
+
+def test_diagnose_refuses_what_is_no_campaign(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"campaign\.toml"):
+        cj.diagnose(tmp_path, tmp_path / "out")
 
 
 def test_load_results_says_what_it_needs(tmp_path: Path) -> None:

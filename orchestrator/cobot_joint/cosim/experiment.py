@@ -13,7 +13,7 @@ ParameterEvents = Sequence[tuple[float, Mapping[str, Value]]]
 
 @dataclass(frozen=True)
 class Experiment:
-    """One run of a system; the words are those of FMI's and Modelica's experiment.
+    """One run of a system; names as in FMI's and Modelica's experiment annotation.
 
     inputs            the system's inputs over time
     stop_time         s
@@ -38,6 +38,6 @@ class Experiment:
     parameter_events: ParameterEvents = ()
     record: Sequence[str] | None = None
 
-    def having(self, parameters: Mapping[str, Value]) -> Experiment:
+    def with_parameters(self, parameters: Mapping[str, Value]) -> Experiment:
         """The same with `component.variable` -> value on top of its parameters."""
         return replace(self, parameters={**self.parameters, **parameters})

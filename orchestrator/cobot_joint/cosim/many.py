@@ -27,7 +27,7 @@ Keep = Callable[[Result], Any]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of the run of that index: `kept` of its result, the file with it, or the error in one line."""
+    """How the run of that index ended: `kept` of its result, the file with it, or the error in one line."""
 
     index: int
     kept: Any = None

@@ -1,1 +1,1 @@
-"""What runs leave behind: signals in memory and in files, with units and provenance, and pictures of them."""
+"""Results of runs: signals in memory and in files, with units and provenance, and pictures of them."""

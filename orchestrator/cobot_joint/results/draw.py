@@ -40,7 +40,7 @@ class Stills:
         return self
 
     def draw(self, picture: Picture) -> Path:
-        """The PNG's path; it is written behind the caller's back."""
+        """The PNG's path; the file is complete when the context manager ends."""
         assert self._process.stdin is not None
         try:
             pickle.dump(picture, self._process.stdin)

@@ -40,7 +40,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Picture:
-    """Panels above one another, to become `stem`.html and `stem`.png; `what` it shows stands beside the files."""
+    """Panels above one another, to become `stem`.html and `stem`.png; `what`: a caption for lists of files."""
 
     stem: Path
     what: str

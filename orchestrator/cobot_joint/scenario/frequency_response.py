@@ -1,4 +1,4 @@
-"""Speed over current as in thesis 4.4: a run per frequency, amplitudes from the series, Table C.1 beside them."""
+"""Speed over current as in thesis 4.4: a run per frequency, amplitudes from the series, compared with Table C.1."""
 
 from __future__ import annotations
 

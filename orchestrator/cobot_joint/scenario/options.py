@@ -34,7 +34,7 @@ class Options:
             raise UserError(f"--level {self.level!r} is given, {among(LEVELS)} is allowed")
 
     def coupling(self, scenario: BaseScenario) -> dict[str, Any]:
-        """Keyword arguments of a run: the caller's before the scenario's before the master's own."""
+        """Scheme and step of a run: the caller's, else the scenario's, else the master's own."""
         scheme, step = self.scheme or scenario.scheme, scenario.step if self.step is None else self.step
         return {"step": step} | ({"scheme": scheme} if scheme else {})
 

@@ -1,4 +1,4 @@
-"""What a scenario leaves behind: files, and tables for the screen."""
+"""The result of a scenario: files, pictures, and tables for the screen."""
 
 from __future__ import annotations
 

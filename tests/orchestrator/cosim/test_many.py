@@ -27,7 +27,7 @@ def last_y(result: Result) -> float:
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_runs_over_processes_are_the_runs_one_by_one(make_gain: MakeSystem, jobs: int) -> None:
-    experiments = [PLAIN.having({"gain.k": float(k)}) for k in range(20)]
+    experiments = [PLAIN.with_parameters({"gain.k": float(k)}) for k in range(20)]
     outcomes = list(simulate_many(make_gain(), experiments, jobs=jobs))
     assert sorted(o.index for o in outcomes) == list(range(20))
     for outcome in outcomes:
@@ -46,7 +46,7 @@ def test_inputs_and_steps_can_differ_from_run_to_run(make_gain: MakeSystem) -> N
 
 
 def test_a_failed_run_is_reported_and_stops_nothing(make_gain: MakeSystem) -> None:
-    experiments = [PLAIN.having({"gain.fail_at": 0.5 if n == 3 else 9.0}) for n in range(8)]
+    experiments = [PLAIN.with_parameters({"gain.fail_at": 0.5 if n == 3 else 9.0}) for n in range(8)]
     outcomes = sorted(simulate_many(make_gain(), experiments, jobs=2, keep=last_y), key=lambda o: o.index)
     assert [o.error is None for o in outcomes] == [n != 3 for n in range(8)]
     assert "gain: fmi2DoStep returned error at t = 0.5 s" in (outcomes[3].error or "")
@@ -55,7 +55,7 @@ def test_a_failed_run_is_reported_and_stops_nothing(make_gain: MakeSystem) -> No
 
 def test_a_run_that_takes_its_process_with_it_is_reported_and_stops_nothing(make_gain: MakeSystem) -> None:
     system = make_gain(fail_as=9)
-    experiments = [PLAIN.having({"gain.fail_at": 0.5 if n in (2, 9) else 9.0}) for n in range(12)]
+    experiments = [PLAIN.with_parameters({"gain.fail_at": 0.5 if n in (2, 9) else 9.0}) for n in range(12)]
     outcomes = sorted(simulate_many(system, experiments, jobs=2, keep=last_y), key=lambda o: o.index)
     assert [o.index for o in outcomes] == list(range(12))
     assert [o.index for o in outcomes if o.error] == [2, 9]
@@ -64,7 +64,9 @@ def test_a_run_that_takes_its_process_with_it_is_reported_and_stops_nothing(make
 
 def test_results_go_to_disk_with_units_and_provenance(make_gain: MakeSystem, tmp_path: Path) -> None:
     gains = [3.0, 4.0]
-    outcomes = list(simulate_many(make_gain(), [PLAIN.having({"gain.k": k}) for k in gains], jobs=1, out=tmp_path))
+    outcomes = list(
+        simulate_many(make_gain(), [PLAIN.with_parameters({"gain.k": k}) for k in gains], jobs=1, out=tmp_path)
+    )
     for outcome in outcomes:
         assert outcome.kept is None
         assert outcome.path == tmp_path / f"run_{outcome.index:05d}.parquet"
@@ -75,7 +77,7 @@ def test_results_go_to_disk_with_units_and_provenance(make_gain: MakeSystem, tmp
 
 def test_progress_counts_failures_and_estimates_what_remains(make_gain: MakeSystem) -> None:
     seen: list[Advance] = []
-    experiments = [PLAIN.having({"gain.fail_at": 0.5}), PLAIN, PLAIN, PLAIN]
+    experiments = [PLAIN.with_parameters({"gain.fail_at": 0.5}), PLAIN, PLAIN, PLAIN]
     list(simulate_many(make_gain(), experiments, jobs=1, progress=seen.append))
     assert [a.done for a in seen] == [1, 2, 3, 4]
     assert seen[-1].failed == 1
@@ -85,12 +87,14 @@ def test_progress_counts_failures_and_estimates_what_remains(make_gain: MakeSyst
 
 def test_a_wrong_parameter_is_refused_before_anything_runs(make_gain: MakeSystem) -> None:
     with pytest.raises(UserError, match=r"experiment 1: gain\.kk: no variable"):
-        next(simulate_many(make_gain(), [PLAIN, PLAIN.having({"gain.kk": 1.0})]))
+        next(simulate_many(make_gain(), [PLAIN, PLAIN.with_parameters({"gain.kk": 1.0})]))
 
 
 def test_the_same_call_runs_on_a_dask_cluster(make_gain: MakeSystem) -> None:
     distributed = pytest.importorskip("distributed", reason="the extra [cluster] is not installed")
-    experiments = [PLAIN.having({"gain.k": float(k), "gain.fail_at": 0.5 if k == 2 else 9.0}) for k in range(6)]
+    experiments = [
+        PLAIN.with_parameters({"gain.k": float(k), "gain.fail_at": 0.5 if k == 2 else 9.0}) for k in range(6)
+    ]
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         address = cluster.scheduler_address
         outcomes = list(simulate_many(make_gain(), experiments, dask=address, keep=last_y))

@@ -104,7 +104,7 @@ COSIM_API int cosim_advance(Master *m, int64_t tick, double *rows);
 /* Writes the row of the present tick. */
 COSIM_API int cosim_record(Master *m, double *row);
 
-/* A unit's logger: its componentEnvironment is a Log, which keeps the last message that was no good news. */
+/* A unit's logger: its componentEnvironment is a Log, which keeps the last warning or error. */
 typedef struct {
   char last[1024];
 } Log;

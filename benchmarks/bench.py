@@ -10,9 +10,8 @@ from benchmarks import units
 from benchmarks.measure import rms
 from benchmarks.monolith import INPUTS, SAMPLE, Table, averaged, three_phase
 from benchmarks.peers import JACOBI, Wiring
-from cobot_joint.scenario import load_scenario
-from cobot_joint.scenario.model import TimeScenario
-from cobot_joint.system import Component, Connection, Connector, Experiment, Inputs, System
+from cobot_joint.scenario.model import TimeScenario, load_scenario
+from cobot_joint.system import Component, Connection, Connector, DefaultExperiment, Inputs, System
 from cobot_joint.system.read import load_system
 from cobot_joint.units import load_unit
 
@@ -91,4 +90,4 @@ def ring(folder: Path, size: int, stop: float) -> System:
     taps = [Connection(name, "y", None, f"y_{name}") for name in names]
     outputs = {tap.sink: Connector(tap.sink, "output") for tap in taps}
     components = tuple(Component(name, str(path), unit) for name in names)
-    return System("ring", components, (*wires, *taps), {}, outputs, Experiment(0.0, stop))
+    return System("ring", components, (*wires, *taps), {}, outputs, DefaultExperiment(0.0, stop))

@@ -13,8 +13,8 @@ import numpy as np
 
 from benchmarks import bench
 from benchmarks.measure import Row, alternate, at_least, at_most, median, ratio, summary, timed
-from cobot_joint.cosim.many import simulate_many
-from cobot_joint.system import Result
+from cobot_joint.cosim import Experiment, simulate_many
+from cobot_joint.results.result import Result
 
 RUNS, TURNS = 1000, 5
 PER_TURN = RUNS // TURNS
@@ -42,7 +42,8 @@ def many() -> list[Row]:
     variations = [dict(zip(nominal, np.array([*nominal.values()]) * factors, strict=True)) for factors in spread]
 
     def campaign(jobs: int, stop: float) -> None:
-        outcomes = list(simulate_many(system, inputs, stop, variations, jobs=jobs, keep=last_speed))
+        plain = Experiment(inputs, stop)
+        outcomes = list(simulate_many(system, map(plain.with_parameters, variations), jobs=jobs, keep=last_speed))
         if failed := [outcome.error for outcome in outcomes if outcome.error]:
             raise RuntimeError(f"{len(failed)} of {len(outcomes)} runs failed, the first with: {failed[0]}")
 

@@ -9,11 +9,11 @@ from rich.console import Console
 from rich.table import Table as Printed
 
 from benchmarks.monolith import SAMPLE, Setup, Table, three_phase
-from cobot_joint.cosim import Simulation
+from cobot_joint.cosim import Experiment, Simulation
 from cobot_joint.system import Component, Connection, Connector, Inputs, System
 from cobot_joint.units import find_fmu, load_unit
 
-R, K, TAU_C, D, W_C = 0.209, 0.0232, 1.2e-3, 7.5e-6, 1.0  # RIG's motor
+R, K, TAU_C, D, W_C = 0.209, 0.0232, 1.2e-3, 7.5e-6, 1.0  # the bench's motor, docs/bench.md
 CURRENTS = (None, 1.0, 2.0, 3.4, 4.0, 5.0, 6.0, 8.0, 10.0)  # A of the DC equivalent; None: no load
 VOLTAGES = (12.0, 24.0)
 DURATION, SETTLED = 61.0, 1000  # s; samples. 1 kHz samples of a 500 Hz ripple need many turns to average
@@ -76,7 +76,7 @@ def main() -> None:
                     np.arange(len(table), dtype=np.float64) * SAMPLE, {"set_value": table[:, 0], "tau": table[:, 2]}
                 )
                 unlimited = {f"motor.{name}": value for name, value in UNLIMITED.items()}
-                unit = simulation.run(driven, DURATION, parameters=unlimited).signals
+                unit = simulation.run(Experiment(driven, DURATION, parameters=unlimited)).signals
                 figures = [legs / i, averages(loop)[0] / i, averages(loop)[1] / w]
                 figures += [unit["i"][SETTLED:].mean() / i, averages(unit)[0] / i, averages(unit)[1] / w]
                 printed.add_row(f"{v:g}", f"{i:.3g}", *(f"{100 * (figure - 1):+.3f}" for figure in figures))

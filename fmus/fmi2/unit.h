@@ -151,7 +151,7 @@ static void unit_equations(Unit *m);
  * With #define UNIT_OBSERVED: unit_observe(m), outputs that follow from the states and that nothing else needs. */
 
 #define PI 3.14159265358979323846
-/* smoothed sign, RIG.md */
+/* smoothed sign, docs/bench.md */
 static inline double sgn(double w, double e) { return tanh(w / e); }
 static inline double square(double x) { return x * x; }
 static inline double positive(double x) { return x > 0 ? x : 0; } /* fmax would be a call, for the sake of NaN */

@@ -1,4 +1,8 @@
-/* BLDC motor with inverter and drive; the table beside this file has every equation's source. */
+/* BLDC motor with inverter and drive. The table beside this file has the sources of the terms; the base model, averaged:
+ *
+ *   L di/dt             = v - R i - k w                    thesis eq. 2.5
+ *   (J + J_coupled) dw/dt = k i - tau_f - tau              thesis eq. 2.2
+ */
 #define UNIT_EVENTS
 #define UNIT_OBSERVED
 #define UNIT_SAMPLED

@@ -1,4 +1,10 @@
-/* Belt and MR brake; the table beside this file has every equation's source. */
+/* Belt and MR brake. The table beside this file has the sources of the terms; the base model, thesis 3.1:
+ *
+ *   tau_belt    = c_b (r phi_p - phi_b) + d_b (r w_p - w_b)                at the brake shaft
+ *   J_p dw_p/dt = tau_s - r tau_belt - tau_h sgn(w_p, w_h)                 tau_h: a hand that holds
+ *   dtau_m/dt   = omega_m (f(i_b) - tau_m)                                 f: k_b |i|, saturating from tau_lin to tau_max
+ *   J_b dw_b/dt = tau_belt - (tau_m + tau_off) sgn(w_b, w_b0) - d_off w_b
+ */
 #define UNIT_EVENTS
 #include "fmi2/unit.h"
 

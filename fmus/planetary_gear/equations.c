@@ -1,4 +1,10 @@
-/* Planetary gearhead; the table beside this file has every equation's source. */
+/* Planetary gearhead. The table beside this file has the sources of the terms; the base model:
+ *
+ *   delta       = phi/N - phi_o                            wind-up, at the output
+ *   tau_g       = c e + d_g de/dt, e = delta -+ b/2        while flanks touch, and never pulling; 0 in the gap b
+ *   tau         = tau_g/N (m/eta + (1 - m) eta) + tau_f    thesis eq. 2.26, m: share of power that the motor drives
+ *   J_o dw_o/dt = tau_g - tau_s                            thesis eq. 2.30
+ */
 #define UNIT_EVENTS
 #include "fmi2/unit.h"
 #include "friction/friction.h"

@@ -1,4 +1,9 @@
-/* Torque sensor with amplifier; the table beside this file has every equation's source. */
+/* Torque sensor with amplifier. The table beside this file has the sources of the terms; the base model, thesis 3.1:
+ *
+ *   tau_s = c_s (phi_o - phi_p) + d_s (w_o - w_p)          the shaft
+ *   applied = a reading + b                                its calibration, eq. 3.3
+ *   y = reading v_rated/tau_rated, within +-v_max          the amplifier
+ */
 #include "fmi2/unit.h"
 
 static void unit_start(Unit *m) { (void)m; }

@@ -1,19 +1,26 @@
 """The command `cobot-joint`.
 
 Exit status: 0 done; 2 the call or a file is wrong (a line on stderr); 130 interrupted; 1 anything else.
+Nothing that simulates is imported before it is needed: a person who asks for help gets it at once.
 """
 
 from __future__ import annotations
 
+import inspect
+import json
+import os
 import sys
-from collections.abc import Iterator
+import traceback
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
+from dataclasses import dataclass, fields
+from functools import partial, wraps
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table as Grid
 
@@ -22,55 +29,163 @@ from cobot_joint.diagnosis import own_bench
 from cobot_joint.errors import UserError, among
 from cobot_joint.files import results_folder, what_is_missing, write_atomically
 from cobot_joint.interrupts import Interrupted, interruptible
-from cobot_joint.scenario.report import Report, Table
+from cobot_joint.version import __version__
+
+if TYPE_CHECKING:
+    from cobot_joint.scenario.options import Options
+    from cobot_joint.scenario.report import Report, Table
+
+HELP = """A cobot joint's test bench: run it, compare it with recordings, export it.
+
+-q, -v and --json may stand anywhere in the call.
+"""
+RUN_HELP = """Run a scenario: signals.parquet, pictures and a summary.
+
+SCENARIO is a shipped one (`--list` shows them), a .toml file, or a system by name or as .ssd or .ssp file, which runs
+its default experiment.
+
+\b
+Examples:
+  cobot-joint run load_mr_brake
+  cobot-joint run load_mr_brake --set stop_time=5 --set motor_bldc.winding.R=0.22
+  cobot-joint run no_load --level comprehensive --scheme iterative --step 1e-3
+  cobot-joint run load_mr_brake --unit planetary_gear=my_gear.fmu
+  cobot-joint run my_system.ssp --out results/mine
+
+\b
+Coupling schemes:
+  jacobi                     all units at once, inputs held over a step
+  gauss_seidel               one after the other, inputs interpolated
+  gauss_seidel_extrapolated  the same, feedback continued quadratically
+  iterative                  swept again until the feedback is met
+  adaptive                   step controlled by the coupling error (default)
+"""
 
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    help="A cobot joint's test bench: run it, export it, compare it with recordings.",
+    rich_markup_mode=None,
+    help=HELP,
 )
 console = Console()
-if not console.is_terminal:
-    console = Console(width=200)
+if not console.is_terminal and "COLUMNS" not in os.environ:
+    console = Console(width=200)  # for a file or another program: a row is a line
 
+
+@dataclass
+class Output:
+    """How much is said, and in which form."""
+
+    verbose: bool = False
+    as_json: bool = False
+
+
+output = Output()
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(f"cobot-joint {__version__}")
+        raise typer.Exit
+
+
+def _list(wanted: bool) -> None:
+    if wanted:
+        list_scenarios()
+        raise typer.Exit
+
+
+Scenario = Annotated[str, typer.Argument(help="A scenario or system, by name or as a file.")]
 Out = Annotated[Path | None, typer.Option(help="Folder for the results.", show_default="results/SCENARIO")]
-Level = Annotated[
-    str | None, typer.Option(help="transfer_function, averaged, simscape or comprehensive: the motor's model.")
-]
-Step = Annotated[float | None, typer.Option(help="Communication step, s.", show_default="the scheme's own")]
-Scheme = Annotated[str | None, typer.Option(help="Coupling scheme.", show_default="the scenario's, or the default")]
-Set = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="NAME=VALUE",
-        help="A unit's parameter (motor_bldc.winding.R=0.22) or a setting of the scenario (stop_time=5); repeatable.",
-    ),
-]
+List = Annotated[bool, typer.Option("--list", callback=_list, is_eager=True, help="Show the scenarios.")]
 
 
-@app.command()
-def run(
-    scenario: Annotated[str, typer.Argument(help="A shipped scenario by name, or a .toml file.")],
-    out: Out = None,
-    level: Level = None,
-    step: Step = None,
-    scheme: Scheme = None,
-    set_: Set = None,
+@dataclass(frozen=True)
+class Changes:
+    """What a caller changes on a scenario: options of `run`."""
+
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help="A parameter (motor_bldc.winding.R=0.22) or a setting of the scenario (stop_time=5); repeatable.",
+        ),
+    ] = None
+    unit: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=FILE", help="An FMU in the place of a component's own; repeatable."),
+    ] = None
+    level: Annotated[
+        str | None, typer.Option(help="transfer_function, averaged, simscape or comprehensive: the motor's model.")
+    ] = None
+    scheme: Annotated[
+        str | None, typer.Option(help="Coupling scheme, see below.", show_default="the scenario's, or adaptive")
+    ] = None
+    step: Annotated[float | None, typer.Option(help="Communication step, s.", show_default="the scheme's own")] = None
+
+    def settings(self) -> dict[str, str]:
+        """Of `--set`, the scenario's."""
+        return {name: value for name, value in self._set().items() if "." not in name}
+
+    def options(self) -> Options:
+        """The rest of them. UserError: a level that there is not."""
+        from cobot_joint.scenario.options import Options
+
+        parameters = {name: value for name, value in self._set().items() if "." in name}
+        units = _pairs("--unit", self.unit, "NAME=FILE is allowed, for example planetary_gear=my_gear.fmu")
+        return Options(self.level, self.step, self.scheme, parameters, units)
+
+    def _set(self) -> dict[str, str]:
+        return _pairs("--set", self.set_, "NAME=VALUE is allowed, for example motor_bldc.winding.R=0.22")
+
+
+_NONE = Changes()
+
+
+def with_changes(command: Callable[..., None]) -> Callable[..., None]:
+    """The command, whose last argument is `Changes`, with a command-line option for each of its fields."""
+    *own, last = inspect.signature(command, eval_str=True).parameters.values()
+    types = get_type_hints(Changes, include_extras=True)
+    names = [field.name for field in fields(Changes)]
+    options = [inspect.Parameter(n, last.KEYWORD_ONLY, default=None, annotation=types[n]) for n in names]
+
+    @wraps(command)
+    def called(**given: Any) -> None:
+        command(**{p.name: given[p.name] for p in own}, changes=Changes(**{name: given[name] for name in names}))
+
+    called.__signature__ = inspect.Signature([*own, *options])  # type: ignore[attr-defined]
+    called.__annotations__ = {p.name: p.annotation for p in (*own, *options)}
+    return called
+
+
+@app.callback()
+def common(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show it.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but errors.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Trace an error to where it arose.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="run, demo, export: say it as JSON.")] = False,
 ) -> None:
-    """Run a scenario: signals.parquet, pictures and a summary."""
-    run_and_show(scenario, out, level, step, scheme, set_ or [])
+    """What holds for every command."""
+    output.verbose, output.as_json = verbose, as_json
+    console.quiet = diagnosis.console.quiet = quiet or as_json
+
+
+@app.command(help=RUN_HELP)
+@with_changes
+def run(scenario: Scenario, out: Out = None, show_list: List = False, changes: Changes = _NONE) -> None:
+    """See RUN_HELP."""
+    say_json(_content(run_and_show(scenario, out, changes)))
 
 
 @app.command()
 def demo(out: Annotated[Path, typer.Option(help="Folder for the results.")] = Path("results")) -> None:
     """The bench in a minute: its frequency response against the measured Table C.1, then the load test."""
-    pictures: list[Path] = []
-    for scenario in ("frequency_response", "load_mr_brake"):
-        report = run_and_show(scenario, out / scenario, None, None, None, [])
-        pictures += [path for path in report.files if path.suffix == ".png"]
+    reports = [run_and_show(name, out / name, Changes()) for name in ("frequency_response", "load_mr_brake")]
+    pictures = [path for report in reports for path in report.files if path.suffix == ".png"]
     console.print("\n".join(["\nThe pictures are", *(f"  {path}" for path in pictures)]), style="bold", soft_wrap=True)
+    say_json([_content(report) for report in reports])
 
 
 @app.command()
@@ -83,60 +198,93 @@ def export(
 
     loaded = load_system(system)
     results_folder(out)
-    names = fmu_names(loaded)
+    files, names = [], fmu_names(loaded)
     for name, path in {names[c.name]: c.unit.path for c in loaded.components}.items():
         write_atomically(out / name, partial(_copy, path))
-        console.print(out / name)
-    console.print(write_ssp(loaded, out / f"{loaded.name}.ssp"))
+        files.append(out / name)
+    files.append(write_ssp(loaded, out / f"{loaded.name}.ssp"))
+    for file in files:
+        console.print(file, soft_wrap=True)
+    say_json({"files": [str(file) for file in files]})
 
 
-def run_and_show(
-    scenario: str, out: Path | None, level: str | None, step: float | None, scheme: str | None, assignments: list[str]
-) -> Report:
+def run_and_show(scenario: str, out: Path | None, changes: Changes) -> Report:
     """Run a scenario with a progress bar, print its tables and where its files are."""
-    from cobot_joint.scenario import load_scenario
-    from cobot_joint.scenario.options import Options
-    from cobot_joint.scenario.run import run_scenario
+    from cobot_joint.results.draw import Stills
 
-    given = dict(_assignment(text) for text in assignments)
-    settings = {name: value for name, value in given.items() if "." not in name}
-    parameters = {name: value for name, value in given.items() if "." in name}
-    loaded = load_scenario(scenario, settings)
-    options = Options(level, step, scheme, parameters)
-    target = results_folder(out or Path("results") / loaded.name)
-    with _progress(loaded.name) as progress:
-        report = run_scenario(loaded, target, options, progress)
+    with Stills() as stills:
+        from cobot_joint.scenario.model import load_scenario
+        from cobot_joint.scenario.run import run_scenario
+
+        loaded, options = load_scenario(scenario, changes.settings()), changes.options()
+        target = results_folder(out or Path("results") / loaded.name)
+        with _progress(loaded.name) as progress:
+            report = run_scenario(loaded, target, options, progress, stills)
     show(report)
     return report
 
 
 def show(report: Report) -> None:
     """Tables, then files with what they show."""
-    console.print(f"\n[bold]{report.title}[/bold]")
+    console.print(f"\n[bold]{escape(report.title)}[/bold]")
     for table in report.tables:
         console.print(_grid(table))
     for path, what in report.files.items():
-        console.print(f"{path}  [dim]{what}[/dim]", soft_wrap=True)
+        console.print(f"{escape(str(path))}  [dim]{escape(what)}[/dim]", soft_wrap=True)
+
+
+def list_scenarios() -> None:
+    """One line per scenario: its name, what it does, and the settings that `--set` changes."""
+    from cobot_joint.scenario.model import load_scenario, scenario_names, settings_of
+
+    grid = Grid(box=None, pad_edge=False)
+    for heading in ("scenario", "what it does", "settings"):
+        grid.add_column(heading, overflow="fold")
+    for scenario in map(load_scenario, scenario_names()):
+        settings = ", ".join(f"{name}={value}" for name, value in settings_of(scenario).items())
+        grid.add_row(scenario.name, escape(scenario.title), escape(settings))
+    console.print(grid)
 
 
 def _copy(source: Path, file: Path) -> None:
     file.write_bytes(source.read_bytes())
 
 
-def _assignment(text: str) -> tuple[str, str]:
-    name, equals, value = (part.strip() for part in text.partition("="))
-    if not (name and equals and value):
-        raise UserError(f"--set {text!r} is given, NAME=VALUE is allowed, for example motor_bldc.winding.R=0.22")
-    return name, value
+def say_json(content: object) -> None:
+    """On stdout, where `--json` is given."""
+    if output.as_json:
+        print(json.dumps(content, indent=1))
+
+
+def _content(report: Report) -> dict[str, Any]:
+    tables = [
+        {"title": t.title, "headers": list(t.headers), "rows": [list(row) for row in t.rows]} for t in report.tables
+    ]
+    return {
+        "title": report.title,
+        "values": report.values,
+        "tables": tables,
+        "files": {str(path): what for path, what in report.files.items()},
+    }
+
+
+def _pairs(option: str, texts: list[str] | None, allowed: str) -> dict[str, str]:
+    pairs = {}
+    for text in texts or []:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not (name and equals and value):
+            raise UserError(f"{option} {text!r} is given, {allowed}")
+        pairs[name] = value
+    return pairs
 
 
 def _grid(table: Table) -> Grid:
-    grid = Grid(title=table.title, title_justify="left", title_style="bold")
+    grid = Grid(title=escape(table.title), title_justify="left", title_style="bold")
     for k, name in enumerate(table.headers):
         text = any(isinstance(row[k], str) for row in table.rows)
-        grid.add_column(name.replace("[", r"\["), justify="left" if text and k == 0 else "right")
+        grid.add_column(escape(name), justify="left" if text and k == 0 else "right", overflow="fold")
     for row in table.rows:
-        grid.add_row(*(cell.replace("[", r"\[") if isinstance(cell, str) else f"{cell:.5g}" for cell in row))
+        grid.add_row(*(escape(cell) if isinstance(cell, str) else f"{cell:.5g}" for cell in row))
     return grid
 
 
@@ -154,17 +302,19 @@ def _progress(name: str) -> Iterator[Any]:
 diagnosis.register(app)
 for command in (own_bench.inspect, own_bench.new):
     app.command()(command)
+ANYWHERE = ("-q", "--quiet", "-v", "--verbose", "--json")
 
 
 def main() -> None:
     """Entry point."""
-    sys.exit(_status())
+    given = sys.argv[1:]
+    sys.exit(_status([*(a for a in given if a in ANYWHERE), *(a for a in given if a not in ANYWHERE)]))
 
 
-def _status() -> int:
+def _status(arguments: list[str]) -> int:
     try:
         with interruptible():
-            return int(app(standalone_mode=False) or 0)
+            return int(app(arguments, prog_name="cobot-joint", standalone_mode=False) or 0)
     except Interrupted as how:
         return _say(", ".join(["interrupted", *how.args]), 130)
     except UserError as error:
@@ -174,7 +324,7 @@ def _status() -> int:
     except OSError as error:
         return _say(what_is_missing(error), 1)
     except RuntimeError as error:  # a unit failed while it ran: SimulationError says which and when
-        from cobot_joint.cosim import SimulationError
+        from cobot_joint.cosim.instances import SimulationError
 
         if not isinstance(error, SimulationError):
             raise
@@ -189,6 +339,8 @@ def _usage(error: typer.TyperException) -> str:
 
 
 def _say(what: object, status: int) -> int:
+    if output.verbose:
+        traceback.print_exc()
     print(f"cobot-joint: {' '.join(str(what).split())}", file=sys.stderr)
     return status
 

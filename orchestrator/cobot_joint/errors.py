@@ -1,4 +1,4 @@
-"""What a person got wrong, in one line. The command line prints it and exits with 2."""
+"""Errors in a call or a file, in one line. The command line prints it and exits with 2."""
 
 
 class UserError(ValueError):

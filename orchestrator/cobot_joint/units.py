@@ -31,7 +31,7 @@ TOOL = "cobot-joint"  # the name under which units annotate their modelDescripti
 class Shape:
     """A parameter that shapes a term; not identifiable while the term is off, so it is scanned from min to max.
 
-    `scan`: lin or log spacing, or the unit's word for the kind: order (whole numbers per turn), phase (0, quarter).
+    `scan`: lin or log spacing, or what kind of parameter it is: order (whole numbers per turn), phase (0, quarter).
     """
 
     name: str
@@ -232,7 +232,7 @@ def unpack(path: Path) -> Path:
 
 
 def _unpack(path: Path, digest: str) -> Path:
-    """In the user's cache, under the file's hash: unpacked by whoever comes first, whole or not at all."""
+    """In the user's cache, under the file's hash: unpacked by the first process that needs it, whole or not at all."""
     target = _cache() / digest
     if target.is_dir():
         return target

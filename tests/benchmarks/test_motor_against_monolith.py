@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.monolith import Setup, Table, averaged, three_phase
-from cobot_joint.cosim import Simulation
+from cobot_joint.cosim import Experiment, Simulation
 from cobot_joint.system import Component, Connection, Connector, Inputs, System
 from cobot_joint.units import load_unit
 
@@ -26,7 +26,7 @@ def run_unit(path: Path, inputs: Table, level: int) -> dict[str, Table]:
     time = np.arange(len(inputs)) * 1e-3
     with Simulation(system) as simulation:
         driven = Inputs(time, {"set_value": inputs[:, 0], "tau": inputs[:, 2]})
-        return simulation.run(driven, DURATION, parameters={"motor.motor.level": level}).signals
+        return simulation.run(Experiment(driven, DURATION, parameters={"motor.motor.level": level})).signals
 
 
 @pytest.fixture(scope="module")

@@ -112,7 +112,7 @@ def steps(slave: Any, n: int = 20) -> np.ndarray:
 
 
 @pytest.mark.parametrize("what", WHILE_STEPPING)
-def test_wrong_call_is_refused_with_a_word_and_changes_nothing(make: Make, name: str, what: str) -> None:
+def test_wrong_call_is_refused_with_a_message_and_changes_nothing(make: Make, name: str, what: str) -> None:
     wrong, word = WHILE_STEPPING[what]
     expected = steps(make(name), 10)
     slave = make(name)
@@ -222,7 +222,7 @@ def test_no_step_beyond_the_stop_time(instantiate: Make) -> None:
     assert "stop time" in slave.log[0]
 
 
-def test_instance_is_refused_with_a_word(instantiate: Make, name: str) -> None:
+def test_instance_is_refused_with_a_message(instantiate: Make, name: str) -> None:
     slave = instantiate(name)
     guid = slave.unit.description.guid.encode()
     resources = slave.unit.directory.as_uri().encode() + b"/resources"

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import fmpy
@@ -11,7 +14,12 @@ import pyarrow.parquet as pq
 import pytest
 
 from cobot_joint.cli import main
+from cobot_joint.cosim import SCHEMES
+from cobot_joint.results.files import read_provenance
+from cobot_joint.scenario.model import scenario_names
+from cobot_joint.scenario.options import LEVELS
 from cobot_joint.system import load_system
+from cobot_joint.version import __version__
 
 
 def cobot_joint(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
@@ -52,6 +60,8 @@ def test_run_takes_a_scenario_of_ones_own_and_writes_where_it_is_told(tmp_path: 
         (["run", "no_load", "--set", "motor_bldc.winding.R=-1"], "-1 Ohm is given, 1e-06 to 10000 Ohm is allowed"),
         (["run", "no_load", "--set", "motor.winding.R=1"], "no such component of joint_no_load, it has motor_bldc"),
         (["run", "no_load", "--out", "file"], "--out file: a folder that can be written is needed"),
+        (["run", "no_load", "--unit", "planetary_gear"], "NAME=FILE is allowed"),
+        (["run", "no_load", "--unit", "planetary_gear=file"], "file: not a zip file"),
         (["export", "--system", "joynt"], "system 'joynt': there is none, allowed are"),
     ],
 )
@@ -120,6 +130,91 @@ def test_help_names_every_command(tmp_path: Path) -> None:
     done = cobot_joint("--help", folder=tmp_path)
     assert done.returncode == 0
     assert all(command in done.stdout for command in ("run", "demo", "export"))
+
+
+def test_help_of_run_names_every_scheme_and_every_level(tmp_path: Path) -> None:
+    said = cobot_joint("run", "--help", folder=tmp_path).stdout
+    assert set(SCHEMES) <= set(said.split())
+    assert all(level in said for level in LEVELS)
+
+
+def test_version_is_the_packages(tmp_path: Path) -> None:
+    assert cobot_joint("--version", folder=tmp_path).stdout == f"cobot-joint {__version__}\n"
+
+
+def test_list_has_every_scenario_with_its_settings(tmp_path: Path) -> None:
+    lines = cobot_joint("run", "--list", folder=tmp_path).stdout.splitlines()
+    assert {line.split()[0] for line in lines if line[0] != " "} == {"scenario", *scenario_names()}
+    assert any("load_mr_brake" in line and "stop_time=20" in line for line in lines)
+
+
+def test_quiet_says_nothing(tmp_path: Path) -> None:
+    done = cobot_joint("run", "load_mr_brake", "--set", "stop_time=0.1", "-q", folder=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_json_has_values_tables_and_files(tmp_path: Path) -> None:
+    done = cobot_joint("run", "load_mr_brake", "--set", "stop_time=0.1", "--json", folder=tmp_path)
+    said = json.loads(done.stdout)
+    assert said["values"]["scheme"] == "adaptive"
+    assert [table["title"] for table in said["tables"]] == ["signals", "energy"]
+    assert all((tmp_path / file).is_file() for file in said["files"])
+    exported = json.loads(cobot_joint("export", "--json", folder=tmp_path).stdout)
+    assert "export/joint.ssp" in exported["files"]
+
+
+def test_verbose_traces_an_error_to_where_it_arose(tmp_path: Path) -> None:
+    done = cobot_joint("run", "laod", "-v", folder=tmp_path)
+    assert done.returncode == 2
+    assert "Traceback" in done.stderr
+    assert done.stderr.splitlines()[-1].startswith("cobot-joint: scenario 'laod'")
+
+
+@pytest.mark.parametrize("scenario", ["load_mr_brake", "torque_calibration", "current_sensor_calibration"])
+def test_tables_fit_80_columns(scenario: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    settings = ["--set", "stop_time=0.1"] if scenario == "load_mr_brake" else ["--set", "settle=0.05"]
+    done = cobot_joint("run", scenario, *settings, folder=tmp_path)
+    assert done.returncode == 0
+    tables = [line for line in done.stdout.splitlines() if line[:1] in "┏┃┡│└"]
+    assert tables
+    assert max(map(len, tables)) <= 80
+    assert "…" not in done.stdout
+
+
+def test_a_unit_takes_anothers_place(tmp_path: Path, fmu: Callable[[str], Path]) -> None:
+    shutil.copy(fmu("planetary_gear"), tmp_path / "my_gear.fmu")
+    words = ["run", "load_mr_brake", "--set", "stop_time=0.1"]
+    assert cobot_joint(*words, "--unit", "planetary_gear=my_gear.fmu", "--out", "own", folder=tmp_path).returncode == 0
+    assert cobot_joint(*words, "--out", "shipped", folder=tmp_path).returncode == 0
+    own, shipped = (tmp_path / name / "signals.parquet" for name in ("own", "shipped"))
+    assert pq.read_table(own).equals(pq.read_table(shipped))
+    assert read_provenance(own)["fmus"]["planetary_gear"]["file"] == "my_gear.fmu"
+
+
+def test_a_system_runs_its_default_experiment(tmp_path: Path) -> None:
+    assert cobot_joint("export", "--out", ".", folder=tmp_path).returncode == 0
+    done = cobot_joint("run", "joint.ssp", "--set", "stop_time=0.1", "--set", "output_step=0.01", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert pq.read_metadata(tmp_path / "results" / "joint" / "signals.parquet").num_rows == 11
+    by_name = cobot_joint("run", "joint", "--set", "stop_time=0.1", "--out", "named", folder=tmp_path)
+    assert by_name.returncode == 0
+
+
+def test_a_system_without_outputs_records_those_of_its_units(tmp_path: Path) -> None:
+    (tmp_path / "bare.ssd").write_text(
+        '<ssd:SystemStructureDescription version="1.0" name="bare"'
+        ' xmlns:ssd="http://ssp-standard.org/SSP1/SystemStructureDescription"><ssd:System name="bare"><ssd:Elements>'
+        '<ssd:Component name="sensor" source="torque_sensor.fmu"/></ssd:Elements></ssd:System>'
+        '<ssd:DefaultExperiment startTime="0" stopTime="0.1"/></ssd:SystemStructureDescription>'
+    )
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "bare.toml").write_text('system = "bare.ssd"\nstop_time = 0.1\n')
+    for what in ("../bare.ssd", "../bare.toml"):  # a file's system is looked for beside that file
+        done = cobot_joint("run", what, "--out", "out", folder=tmp_path / "elsewhere")
+        assert done.returncode == 0, done.stderr
+        names = pq.read_schema(tmp_path / "elsewhere" / "out" / "signals.parquet").names
+        assert "sensor.tau_s [N.m]" in names
 
 
 @pytest.mark.long

@@ -1,7 +1,8 @@
-"""Co-simulation: masters over FMI 2.0 units, schemes as data, the loop in native code."""
+"""Co-simulation of FMI 2.0 units: experiments as data, schemes as data, the loop in native code (`master`)."""
 
+from cobot_joint.cosim.experiment import Experiment
 from cobot_joint.cosim.instances import SimulationError
-from cobot_joint.cosim.many import Advance, Outcome, Variation, simulate_many
+from cobot_joint.cosim.many import Advance, Outcome, simulate_many
 from cobot_joint.cosim.schemes import DEFAULT, SCHEMES, Scheme
 from cobot_joint.cosim.simulation import Simulation, simulate
 
@@ -9,11 +10,11 @@ __all__ = [
     "DEFAULT",
     "SCHEMES",
     "Advance",
+    "Experiment",
     "Outcome",
     "Scheme",
     "Simulation",
     "SimulationError",
-    "Variation",
     "simulate",
     "simulate_many",
 ]

@@ -1,4 +1,4 @@
-"""The master in native code (native.c), over the FMUs' own function pointers."""
+"""The master in native code (master/master.c), over the FMUs' own function pointers."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.cosim import library
+from cobot_joint.cosim.clock import Clock
 from cobot_joint.cosim.instances import SimulationError
 from cobot_joint.cosim.plan import Plan, PlannedUnit, Wire
 from cobot_joint.cosim.schemes import Scheme
+from cobot_joint.system.model import Inputs
 
 
 class _Wire(ctypes.Structure):
@@ -132,23 +134,21 @@ class Tables:
 
 
 class Master:
-    """native.c over one plan. `sample_time`: float64[n]; `samples`: float64[len(plan.inputs), n]; see cosim.h."""
+    """master.c over one plan. `inputs`: those of the plan, in its order; `breaks`: int64[n], ticks; see cosim.h."""
 
     def __init__(
         self,
         tables: Tables,
         scheme: Scheme,
-        sample_time: NDArray[np.float64],
-        samples: NDArray[np.float64],
-        start_time: float,
-        step: float,
-        ticks_per_record: int,
-        max_stride: int,
+        inputs: Inputs,
+        clock: Clock,
         breaks: NDArray[np.int64],
     ) -> None:
         self._library = _typed_library()
         self._tables = tables
-        self._arrays = (np.ascontiguousarray(sample_time), np.ascontiguousarray(samples), breaks)
+        time = np.ascontiguousarray(inputs.time, dtype=np.float64)
+        samples = np.array(list(inputs.values.values()), dtype=np.float64).reshape(len(inputs.values), len(time))
+        self._arrays = (time, samples, breaks)
         for unit, planned in zip(tables.units, tables.plan.units, strict=True):
             unit.component = planned.instance.fmu.component
         plan = _Plan(
@@ -160,15 +160,15 @@ class Master:
             judged=tables.judged,
             n_flows=len(tables.flows),
             flows=tables.flows,
-            n_samples=len(sample_time),
-            sample_time=self._arrays[0].ctypes.data,
-            samples=self._arrays[1].ctypes.data,
+            n_samples=len(time),
+            sample_time=time.ctypes.data,
+            samples=samples.ctypes.data,
             n_recorded=len(tables.recorded),
             recorded=tables.recorded,
-            start_time=start_time,
-            step=step,
-            ticks_per_record=ticks_per_record,
-            max_stride=max_stride,
+            start_time=clock.start,
+            step=clock.step,
+            ticks_per_record=clock.per_row,
+            max_stride=clock.stride,
             n_breaks=len(breaks),
             breaks=breaks.ctypes.data,
             scheme=_Scheme(

@@ -20,6 +20,7 @@ from cobot_joint.units import TOOL
 
 TYPES = ("Real", "Integer", "Boolean")
 Source = tuple[str | None, str]  # component, variable
+Columns = list[list[ModelVariable]]  # by type, in TYPES' order
 
 
 @dataclass(frozen=True)
@@ -111,42 +112,41 @@ def make_plan(
         read |= {(name, variable) for name, variable in tapped if name not in sinks}
     watched = tapped - read
 
-    numbers: dict[tuple[str | None, str], int] = {}
-    columns = []
-    for instance in instances:
-        first = len(numbers)
-        outputs, more = (_columns(instance, wanted) for wanted in (read, watched))
-        for variable in [*_flat(outputs), *_flat(more)]:
-            numbers[instance.name, variable.name] = len(numbers)
-        columns.append((first, outputs, more))
-    n_outputs = len(numbers)
-    for name in inputs:
-        numbers[None, name] = len(numbers)
-
+    columns = [(_columns(instance, read), _columns(instance, watched)) for instance in instances]
+    numbers = _numbers(instances, columns, inputs)
     units = tuple(
         _plan_unit(
-            instance,
-            first,
-            outputs,
-            more,
-            [c for c in driven if c.sink_component == instance.name],
-            numbers,
-            instance.name in sinks,
+            instance, *own, [c for c in driven if c.sink_component == instance.name], numbers, instance.name in sinks
         )
-        for instance, (first, outputs, more) in zip(instances, columns, strict=True)
+        for instance, own in zip(instances, columns, strict=True)
     )
     _check_abilities(scheme, instances)
-    variables = [v for _, outputs, more in columns for v in [*_flat(outputs), *_flat(more)]]
+    variables = [v for own in columns for part in own for v in _flat(part)]
     return Plan(
         units=units,
-        n_outputs=n_outputs,
+        n_outputs=len(variables),
         inputs=tuple(inputs),
         nominal=tuple(abs(float(v.nominal or 1.0)) if v.type == "Real" else 1.0 for v in variables),
-        judged=_judged(units, n_outputs, scheme),
+        judged=_judged(units, len(variables), scheme),
         flows=tuple(_flow(system, shaft, numbers) for shaft in shafts),
         recorded=tuple(Wire(numbers[c.source_component, c.source], c.factor, c.offset) for c in taps.values() if c),
         names=tuple(name for name, c in taps.items() if c),
     )
+
+
+def _numbers(
+    instances: Sequence[Instance],
+    columns: Sequence[tuple[Columns, Columns]],
+    inputs: Sequence[str],
+) -> dict[Source, int]:
+    """(component or None for the system, variable) -> number of the signal"""
+    numbers: dict[Source, int] = {}
+    for instance, own in zip(instances, columns, strict=True):
+        for variable in [v for part in own for v in _flat(part)]:
+            numbers[instance.name, variable.name] = len(numbers)
+    for name in inputs:
+        numbers[None, name] = len(numbers)
+    return numbers
 
 
 def _tap(system: System, name: str, inputs: Sequence[str]) -> Connection | None:
@@ -165,7 +165,7 @@ def _tap(system: System, name: str, inputs: Sequence[str]) -> Connection | None:
     raise UserError(f"{name!r} is to be recorded, {system.name} has {among([*system.outputs, *system.inputs])}")
 
 
-def _columns(instance: Instance, wanted: set[tuple[str | None, str]]) -> list[list[ModelVariable]]:
+def _columns(instance: Instance, wanted: set[Source]) -> Columns:
     found = [v for name, v in instance.variables.items() if (instance.name, name) in wanted]
     for variable in found:
         if variable.type not in (*TYPES, "Enumeration"):
@@ -179,24 +179,23 @@ def _kind(variable: ModelVariable) -> str:
     return "Integer" if variable.type == "Enumeration" else str(variable.type)
 
 
-def _flat(columns: list[list[ModelVariable]]) -> list[ModelVariable]:
+def _flat(columns: Columns) -> list[ModelVariable]:
     return [variable for column in columns for variable in column]
 
 
 def _plan_unit(
     instance: Instance,
-    first: int,
-    outputs: list[list[ModelVariable]],
-    watched: list[list[ModelVariable]],
+    outputs: Columns,
+    watched: Columns,
     driven: list[Connection],
-    numbers: dict[tuple[str | None, str], int],
+    numbers: Mapping[Source, int],
     is_sink: bool,
 ) -> PlannedUnit:
     kinds = {c.sink: _kind(instance.variables[c.sink]) for c in driven}
     ordered = [[c for c in driven if kinds[c.sink] == kind] for kind in TYPES]
     return PlannedUnit(
         instance=instance,
-        first_signal=first,
+        first_signal=min((numbers[instance.name, v.name] for v in _flat([*outputs, *watched])), default=0),
         inputs=tuple(tuple(instance.variables[c.sink].valueReference for c in column) for column in ordered),
         wires=tuple(
             Wire(numbers[c.source_component, c.source], c.factor, c.offset) for column in ordered for c in column
@@ -252,7 +251,7 @@ def _judged(units: tuple[PlannedUnit, ...], n_outputs: int, scheme: Scheme) -> t
     return tuple(judged)
 
 
-def _flow(system: System, shaft: MechanicalConnection, numbers: Mapping[tuple[str | None, str], int]) -> Flow:
+def _flow(system: System, shaft: MechanicalConnection, numbers: Mapping[Source, int]) -> Flow:
     nominal = [
         float(system.component(shaft.giver).unit.variables[v].nominal or 1.0) for v in (shaft.gives.w, shaft.gives.tau)
     ]

@@ -1,4 +1,4 @@
-"""The master in plain FMPy: to be read, and to hold native.c against. Same operations, same bits, many times slower."""
+"""The master in plain FMPy: to be read, and to hold master.c against. Same operations, same bits, many times slower."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ import numpy as np
 from fmpy.fmi1 import FMICallException
 from numpy.typing import NDArray
 
+from cobot_joint.cosim.clock import Clock
 from cobot_joint.cosim.instances import Instance, SimulationError
 from cobot_joint.cosim.plan import Plan, PlannedUnit, Wire
 from cobot_joint.cosim.schemes import Scheme
+from cobot_joint.system.model import Inputs
 
 Polynomial = tuple[
     float, float, float, float
@@ -34,25 +36,14 @@ class Past:
 
 
 class Master:
-    """The reference over one plan. `sample_time`: float64[n]; `samples`: float64[len(plan.inputs), n]."""
+    """The reference over one plan. `inputs`: those of the plan, in its order; `breaks`: int64[n], ticks."""
 
-    def __init__(
-        self,
-        plan: Plan,
-        scheme: Scheme,
-        sample_time: NDArray[np.float64],
-        samples: NDArray[np.float64],
-        start_time: float,
-        step: float,
-        ticks_per_record: int,
-        max_stride: int,
-        breaks: NDArray[np.int64],
-    ) -> None:
+    def __init__(self, plan: Plan, scheme: Scheme, inputs: Inputs, clock: Clock, breaks: NDArray[np.int64]) -> None:
         self.plan, self.scheme = plan, scheme
-        self.sample_time = [float(t) for t in sample_time]
-        self.samples = [[float(x) for x in row] for row in samples]
-        self.start_time, self.step_size = start_time, step
-        self.ticks_per_record, self.max_stride = ticks_per_record, max_stride
+        self.sample_time = [float(t) for t in inputs.time]
+        self.samples = [[float(x) for x in row] for row in inputs.values.values()]
+        self.start_time, self.step_size = clock.start, clock.step
+        self.ticks_per_record, self.max_stride = clock.per_row, clock.stride
         self.breaks = [int(tick) for tick in breaks]
         self.y = [0.0] * plan.n_outputs
         self.dy = [0.0] * plan.n_outputs
@@ -361,7 +352,7 @@ class Master:
         return samples[k] + (samples[k + 1] - samples[k]) * ((t - time[k]) / (time[k + 1] - time[k]))
 
 
-# Polynomials: signals.h in Python
+# Polynomials: master/signals.h in Python
 
 
 def value(p: Polynomial, s: float) -> float:

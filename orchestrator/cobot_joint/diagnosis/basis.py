@@ -10,13 +10,13 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import cobot_joint
 from cobot_joint import paths
 from cobot_joint.cosim import library
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.system.model import System
 from cobot_joint.system.write import describe
 from cobot_joint.units import find_fmu, load_unit
+from cobot_joint.version import __version__
 
 if TYPE_CHECKING:
     from cobot_joint.diagnosis.frequency import Response
@@ -44,7 +44,7 @@ def of_response(response: Response) -> dict[str, Any]:
 def program() -> dict[str, str]:
     """Versions, and SHA-256 of this package's sources, the native master and the unit that corrections are made of."""
     return {
-        "version": cobot_joint.__version__,
+        "version": __version__,
         "sources": sources(paths.PACKAGE),
         "native": hashlib.sha256(Path(library.load()._name).read_bytes()).hexdigest(),
         "correction": load_unit(find_fmu("correction.fmu")).directory.name,

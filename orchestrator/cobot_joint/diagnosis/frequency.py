@@ -14,13 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.diagnosis import thresholds
-from cobot_joint.diagnosis.data.campaign import (
-    Alternative,
-    CampaignFile,
-    FrequencyExperiment,
-    read_campaign_file,
-    system_connectors,
-)
+from cobot_joint.diagnosis.data.campaign import read_campaign_file, system_connectors
+from cobot_joint.diagnosis.data.campaign_file import Alternative, CampaignFile, FrequencyExperiment
 from cobot_joint.diagnosis.data.check import check
 from cobot_joint.diagnosis.data.parameters import with_values
 from cobot_joint.diagnosis.data.recording import Recording

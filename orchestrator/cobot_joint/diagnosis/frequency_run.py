@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import cobot_joint
 from cobot_joint.diagnosis.basis import of_response
 from cobot_joint.diagnosis.data.parameters import with_values
 from cobot_joint.diagnosis.frequency import Progress, Reading, Response, diagnose_response, load_response
@@ -20,8 +19,10 @@ from cobot_joint.diagnosis.report.report import verdict_sentence
 from cobot_joint.diagnosis.report.words import spoken
 from cobot_joint.diagnosis.run import Outcome, term_texts
 from cobot_joint.diagnosis.store import Store
-from cobot_joint.results import write_csv
-from cobot_joint.scenario.figures import Curve, Panel, draw
+from cobot_joint.results.draw import draw
+from cobot_joint.results.figures import Curve, Panel, Picture
+from cobot_joint.results.files import write_csv
+from cobot_joint.version import __version__
 
 Vector = NDArray[np.float64]
 
@@ -72,7 +73,7 @@ def _reading(reading: Reading, response: Response) -> dict[str, Any]:
 
 def _provenance(response: Response) -> dict[str, str]:
     units = ", ".join(f"{c.name} {c.unit.description.guid}" for c in response.system.components)
-    return {"tool": f"cobot-joint {cobot_joint.__version__}", "campaign": response.given.title, "units": units}
+    return {"tool": f"cobot-joint {__version__}", "campaign": response.given.title, "units": units}
 
 
 def _pictures(response: Response, readings: Sequence[Reading], out: Path) -> list[Path]:
@@ -94,7 +95,7 @@ def _pictures(response: Response, readings: Sequence[Reading], out: Path) -> lis
         Panel("simulated/measured - 1 [%]", misfit),
         Panel("repaired, every reading [%]", others),
     ]
-    pictures = draw(out / "report", "amplitudes", response.given.title, "omega [rad/s]", panels, x_log=True)
+    picture = Picture(out / "report", "amplitudes", response.given.title, "omega [rad/s]", panels, x_log=True)
     headers = ["omega [rad/s]", "measured", *simulated]
     rows = [[float(x) for x in row] for row in zip(omega, measured, *simulated.values(), strict=True)]
-    return [*pictures, write_csv(out / "response.csv", headers, rows)]
+    return [*draw(picture), write_csv(out / "response.csv", headers, rows)]

@@ -82,7 +82,8 @@ def _first_campaign(
     folder: Path, system: str, logs: list[Path], found: list[Inspection], given: dict[str, str]
 ) -> Path:
     """campaign.toml in the folder. UserError: one is there already, or no column fits."""
-    from cobot_joint.diagnosis.data.campaign import CampaignFile, RecordingEntry, connectors_of, systems_of
+    from cobot_joint.diagnosis.data.campaign import connectors_of, systems_of
+    from cobot_joint.diagnosis.data.campaign_file import CampaignFile, RecordingEntry
     from cobot_joint.diagnosis.drafts.campaign_text import campaign_text, guess
     from cobot_joint.system.read import load_system
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import cobot_joint
 from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.archive import save
@@ -28,6 +27,7 @@ from cobot_joint.diagnosis.store import Store
 from cobot_joint.errors import UserError, among
 from cobot_joint.files import write_atomically
 from cobot_joint.system.model import System
+from cobot_joint.version import __version__
 
 TRIED = 8  # candidates that a report lists
 Progress = Callable[[str], None]  # what is being done, in words
@@ -172,7 +172,7 @@ def units_of(campaign: Campaign) -> dict[str, str]:
 def provenance(campaign: Campaign, systems: Mapping[str, System], baseline: str | None) -> dict[str, str]:
     """Where an answer comes from; nothing of the machine."""
     return {
-        "tool": f"cobot-joint {cobot_joint.__version__}" + (f", baseline {baseline}" if baseline else ""),
+        "tool": f"cobot-joint {__version__}" + (f", baseline {baseline}" if baseline else ""),
         "campaign": f"{campaign.title}: {', '.join(r.name for r in campaign.recordings)}",
         "units": ", ".join(f"{c.name} {c.unit.description.guid}" for c in components(systems)),
     } | ({"parameters": ", ".join(f"{n} = {x}" for n, x in campaign.parameters.items())} if campaign.parameters else {})

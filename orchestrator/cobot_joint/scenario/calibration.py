@@ -7,15 +7,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.cosim import simulate
+from cobot_joint.cosim import Experiment, simulate
 from cobot_joint.errors import UserError
-from cobot_joint.results import SignalsWriter, columns_of, header, provenance, write_csv
-from cobot_joint.scenario.figures import Curve, Panel, draw, time_figures
+from cobot_joint.results.figures import Curve, Panel, Picture, over_time
+from cobot_joint.results.files import SignalsWriter, columns_of, header, provenance, write_csv
+from cobot_joint.results.result import Result
 from cobot_joint.scenario.model import CurrentSensorCalibration, TorqueCalibration
 from cobot_joint.scenario.options import TRANSFER_FUNCTION, Options
 from cobot_joint.scenario.report import Progress, Report, Table
 from cobot_joint.scenario.time_run import energy_table
-from cobot_joint.system import Inputs, Result, System, load_system
+from cobot_joint.system import Inputs, System, load_system
 
 RAMP = 0.2  # of a step's length: how long the change to its level takes
 READ = 0.2  # of a step's length, at its end: what is averaged
@@ -68,9 +69,8 @@ def run_torque_calibration(
         Curve("eq. 3.3", measured, line["slope"] * measured + line["offset"], "dashed"),
     ]
     panel = Panel(header("applied torque", "N.m"), curves)
-    report.files |= draw(
-        out / "torque_calibration", "applied over measured", report.title, "measured torque [N.m]", [panel]
-    )  # fmt: skip
+    stem = out / "torque_calibration"
+    report.pictures.append(Picture(stem, "applied over measured", report.title, "measured torque [N.m]", [panel]))
     report.values = {
         "slope": float(slope),
         "offset [N.m]": float(offset),
@@ -104,10 +104,8 @@ def run_current_sensor_calibration(
     report.tables.append(Table("ACS712 per phase", headers, rows))
     report.files[write_csv(out / "current_sensor_calibration.csv", headers, rows)] = "zero and slope per phase"
     curves.append(Curve("2.5 V + 185 mV/A", currents, scenario.zero + scenario.slope * currents, "dashed"))
-    report.files |= draw(
-        out / "current_sensor_calibration", "output over current", report.title, "current [A]",
-        [Panel(header("output", "V"), curves)],
-    )  # fmt: skip
+    stem, panel = out / "current_sensor_calibration", Panel(header("output", "V"), curves)
+    report.pictures.append(Picture(stem, "output over current", report.title, "current [A]", [panel]))
     return report
 
 
@@ -144,9 +142,9 @@ def _staircase(
     progress: Progress | None,
 ) -> Result:
     time, value = staircase(levels, scenario.settle)
-    record = [*system.inputs, *system.outputs]
-    coupling = options.coupling(scenario)
-    return simulate(system, Inputs(time, {name: value}), float(time[-1]), record=record, progress=progress, **coupling)
+    inputs = Inputs(time, {name: value})
+    experiment = Experiment(inputs, float(time[-1]), record=system.recorded, **options.coupling(scenario))
+    return simulate(system, experiment, progress)
 
 
 def _report(
@@ -158,5 +156,6 @@ def _report(
     with SignalsWriter(path, columns_of(system), facts) as writer:
         writer.write({"time": result.time, **result.signals})
     report.files[path] = "signals, units and provenance"
-    report.files |= time_figures(out / "signals", report.title, result.time, result.signals, columns_of(system))
+    panels = over_time(result.time, result.signals, result.units)
+    report.pictures.append(Picture(out / "signals", "signals over time", report.title, "time [s]", panels))
     return report

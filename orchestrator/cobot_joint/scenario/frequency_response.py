@@ -1,4 +1,4 @@
-"""Speed over current as in thesis 4.4: a run per frequency, amplitudes from the series, Table C.1 beside them."""
+"""Speed over current as in thesis 4.4: a run per frequency, amplitudes from the series, compared with Table C.1."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.signal import lti
 
-from cobot_joint.cosim import Simulation
+from cobot_joint.cosim import Experiment, Simulation
 from cobot_joint.errors import UserError
-from cobot_joint.results import SignalsWriter, header, provenance, write_csv
-from cobot_joint.scenario.figures import Curve, Panel, draw
+from cobot_joint.results.figures import Curve, Panel, Picture
+from cobot_joint.results.files import SignalsWriter, header, provenance, write_csv
 from cobot_joint.scenario.model import FrequencyResponse, Variant
 from cobot_joint.scenario.options import TRANSFER_FUNCTION, Options
 from cobot_joint.scenario.report import Progress, Report, Table
@@ -112,7 +112,7 @@ def run_frequency_response(
         report.tables.append(Table("energy", ["mechanical connection", "largest residual [%]"], rows))
     report.files[_write_table(out, report.tables[1])] = "amplitudes and misfit per frequency"
     level = options.level or "units"
-    report.files |= _bode(out, f"{report.title}: {level}", scenario, omegas, measured, responses, amplitudes)
+    report.pictures.append(_bode(out, f"{report.title}: {level}", scenario, omegas, measured, responses, amplitudes))
     for variant, fit, amplitude in zip(scenario.variants, fits, amplitudes, strict=True):
         report.values |= {
             f"{variant.name}: gain [dB]": fit.gain,
@@ -157,11 +157,13 @@ def sweep(
             inputs = Inputs(time, {scenario.input: scenario.amplitude * np.sin(omega * time)})
             rows = _rows(scenario, omega)
             result = simulation.run(
-                inputs,
-                rows[-1],
-                output_step=rows[1],
-                record=[scenario.input, scenario.current, scenario.speed],
-                **options.coupling(scenario),
+                Experiment(
+                    inputs,
+                    rows[-1],
+                    output_step=rows[1],
+                    record=[scenario.input, scenario.current, scenario.speed],
+                    **options.coupling(scenario),
+                )
             )
             signals = result.signals
             yield Series(
@@ -282,7 +284,7 @@ def _bode(
     measured: NDArray[np.float64],
     responses: list[list[Response]],
     amplitudes: list[NDArray[np.float64]],
-) -> Mapping[Path, str]:
+) -> Picture:
     fine = np.geomspace(omegas[0], omegas[-1], 200)
     gain = [Curve("measured, Table C.1", omegas, 20 * np.log10(measured / scenario.amplitude), "markers")]
     phase, misfit = [], []
@@ -297,4 +299,5 @@ def _bode(
         Panel("phase [deg]", phase),
         Panel("simulated/measured - 1 [%]", misfit),
     ]
-    return draw(out / "frequency_response", "Bode plot with Table C.1", title, "omega [rad/s]", panels, x_log=True)
+    stem = out / "frequency_response"
+    return Picture(stem, "Bode plot with Table C.1", title, "omega [rad/s]", panels, x_log=True)

@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
 from cobot_joint import paths
+from cobot_joint.cosim.experiment import Experiment
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import Inputs, System
+from cobot_joint.system.read import find_system, load_system, system_names
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -85,6 +87,7 @@ class TimeScenario(BaseScenario):
     """Inputs over time, one run."""
 
     kind: Literal["time"] = "time"
+    start_time: Finite = 0.0
     stop_time: Positive
     output_step: Positive = 1e-3
     columns_of: str | None = None  # a system whose columns signals.parquet gets; those this one lacks are 0 throughout
@@ -98,9 +101,22 @@ class TimeScenario(BaseScenario):
                 raise UserError(f"{where}: {system.name} has no such input, it has {among(system.inputs)}")
             if signal.unit is not None and signal.unit != (unit := system.inputs[name].unit):
                 raise UserError(f"{where}: unit {signal.unit!r} is given, {unit!r} is allowed")
-        corners = {0.0, self.stop_time}.union(t for s in self.inputs.values() for t, _ in s.corners())
-        time = np.array(sorted(t for t in corners if 0 <= t <= self.stop_time))
+        ends = {self.start_time, self.stop_time}
+        corners = ends.union(t for s in self.inputs.values() for t, _ in s.corners())
+        time = np.array(sorted(t for t in corners if self.start_time <= t <= self.stop_time))
         return Inputs(time, {name: signal.at(time) for name, signal in self.inputs.items()})
+
+    def experiment(self, system: System) -> Experiment:
+        """The run of it, without `parameters`, which are the system's. UserError: as `signals`."""
+        return Experiment(
+            self.signals(system),
+            self.stop_time,
+            self.start_time,
+            self.output_step,
+            scheme=self.scheme,
+            step=self.step,
+            record=system.recorded,
+        )
 
 
 class Variant(_Model):
@@ -191,25 +207,52 @@ def scenario_names() -> list[str]:
     return sorted(file.stem for file in paths.folder("scenarios").glob("*.toml"))
 
 
+def settings_of(scenario: BaseScenario) -> dict[str, float | str]:
+    """What `--set NAME=VALUE` changes: the scenario's numbers and choices."""
+    fixed = {"name", "path", "kind", "title", "system", "columns_of", "table"}
+    return {n: v for n, v in scenario.model_dump().items() if n not in fixed and isinstance(v, int | float | str)}
+
+
 def load_scenario(scenario: str | Path, settings: Mapping[str, str] | None = None) -> Any:
     """A shipped scenario by name, or a .toml file; `settings` (`bias_from` -> a value) replace what it says.
 
+    A system, by name or as .ssd or .ssp file, is the scenario of its default experiment with no input driven.
     UserError: there is no such scenario, or it says something that is not allowed.
     """
     path = paths.folder("scenarios") / f"{scenario}.toml" if str(scenario) in scenario_names() else Path(scenario)
-    if path.suffix != ".toml" or not path.is_file():
+    if path.suffix == ".toml" and path.is_file():
+        given = _read(path)
+    elif path.suffix in (".ssd", ".ssp") or str(scenario) in system_names():
+        path = find_system(scenario)
+        given = _default_experiment(path)
+    else:
         raise UserError(
-            f"scenario {str(scenario)!r}: there is none, allowed are {among(scenario_names())} or a .toml file"
+            f"scenario {str(scenario)!r}: there is none, allowed are {among(scenario_names())}, a .toml file, "
+            f"or a system: {among(system_names())}, an .ssd or .ssp file"
         )
+    try:
+        return _ADAPTER.validate_python({**given, **(settings or {}), "name": path.stem, "path": path})
+    except ValidationError as error:
+        raise UserError(f"{path}: {_first(error)}") from error
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """A scenario file's content; a system's file is looked for beside it first."""
     try:
         given = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise UserError(f"{path}: not a TOML file: {error}") from error
     given.setdefault("kind", "time")
-    try:
-        return _ADAPTER.validate_python({**given, **(settings or {}), "name": path.stem, "path": path})
-    except ValidationError as error:
-        raise UserError(f"{path}: {_first(error)}") from error
+    for key in ("system", "columns_of"):
+        if isinstance(named := given.get(key), str) and (path.parent / named).is_file():
+            given[key] = str(path.parent / named)
+    return given
+
+
+def _default_experiment(path: Path) -> dict[str, Any]:
+    experiment = load_system(path).default_experiment
+    times = {"start_time": experiment.start_time, "stop_time": experiment.stop_time}
+    return {"kind": "time", "title": f"{path.stem}: its default experiment", "system": str(path), **times}
 
 
 def _first(error: ValidationError) -> str:

@@ -7,7 +7,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from cobot_joint.results import write_text
+from cobot_joint.results.draw import Stills, draw
+from cobot_joint.results.figures import write_html
+from cobot_joint.results.files import write_text
 from cobot_joint.scenario.options import Options
 from cobot_joint.scenario.report import Progress, Report
 
@@ -20,11 +22,23 @@ RUNNERS = {
 }
 
 
-def run_scenario(scenario: Any, out: Path, options: Options, progress: Progress | None = None) -> Report:
-    """Run a loaded scenario into `out`: signals.parquet, pictures, summary.json. UserError: what a person got wrong."""
+def run_scenario(
+    scenario: Any, out: Path, options: Options, progress: Progress | None = None, stills: Stills | None = None
+) -> Report:
+    """Run a loaded scenario into `out`: signals.parquet, pictures, summary.json. `stills`: draws the PNGs meanwhile.
+
+    UserError: a name, value or file that is wrong. SimulationError: a unit fails.
+    """
     module, function = RUNNERS[scenario.kind]
     runner = getattr(import_module(f"cobot_joint.scenario.{module}"), function)
     report: Report = runner(scenario, out, options, progress)
+    for picture in report.pictures:
+        if stills:
+            stills.draw(picture)
+            write_html(picture)
+        else:
+            draw(picture)
+        report.files |= picture.files
     summary = out / "summary.json"
     write_text(summary, json.dumps({"scenario": scenario.name, **report.values}, indent=1) + "\n")
     report.files[summary] = "figures by name"

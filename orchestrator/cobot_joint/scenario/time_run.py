@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +11,13 @@ from numpy.typing import NDArray
 
 from cobot_joint.cosim import Simulation
 from cobot_joint.errors import UserError
-from cobot_joint.results import SignalsWriter, columns_of, provenance
-from cobot_joint.scenario.figures import time_figures
+from cobot_joint.results.figures import Picture, over_time
+from cobot_joint.results.files import SignalsWriter, columns_of, provenance
+from cobot_joint.results.result import Result
 from cobot_joint.scenario.model import TimeScenario
 from cobot_joint.scenario.options import TRANSFER_FUNCTION, Options
 from cobot_joint.scenario.report import Progress, Report, Table
-from cobot_joint.system import Result, load_system
+from cobot_joint.system import load_system
 from cobot_joint.system.wiring import warn_of_unconnected
 
 MOST_POINTS = 25_000  # per signal in a picture
@@ -62,29 +64,22 @@ def run_over_time(scenario: TimeScenario, out: Path, options: Options, progress:
         )
     system = options.applied(load_system(scenario.system), scenario.parameters, where=str(scenario.path))
     warn_of_unconnected(system)
-    inputs = scenario.signals(system)
+    experiment = replace(scenario.experiment(system), **options.coupling(scenario))
     columns = columns_of(load_system(scenario.columns_of) if scenario.columns_of else system)
-    digest = Digest(1 + int(scenario.stop_time / scenario.output_step) // MOST_POINTS)
+    digest = Digest(1 + int((scenario.stop_time - scenario.start_time) / scenario.output_step) // MOST_POINTS)
     facts = provenance(system, scenario=scenario.name, level=options.level or "as the units have it")
     path = out / "signals.parquet"
     with Simulation(system) as simulation, SignalsWriter(path, columns, facts) as writer:
-        pieces = simulation.stream(
-            inputs,
-            scenario.stop_time,
-            output_step=scenario.output_step,
-            record=[*system.inputs, *system.outputs],
-            progress=progress,
-            rows_per_chunk=ROWS_PER_CHUNK,
-            **options.coupling(scenario),
-        )
-        for last in pieces:
+        for last in simulation.stream(experiment, progress, ROWS_PER_CHUNK):
             writer.write({"time": last.time, **last.signals})
             digest.take(last.time, last.signals)
         writer.provenance |= {"scheme": last.scheme, "step": last.step, "energy": last.energy}
     report = Report(scenario.title or scenario.name)
     report.files[path] = "signals, units and provenance"
     time, drawn = digest.drawn()
-    report.files |= time_figures(out / "signals", report.title, time, drawn, columns)
+    report.pictures.append(
+        Picture(out / "signals", "signals over time", report.title, "time [s]", over_time(time, drawn, columns))
+    )
     report.tables = [
         Table("signals", ["signal", "min", "max", "mean", "rms"], digest.rows(columns)),
         energy_table(last),

@@ -1,9 +1,10 @@
 """Systems of units: SSP 1.0 in and out, wiring checks, unit conversion, initial values."""
 
 from cobot_joint.system.initial import initial_order
-from cobot_joint.system.model import Component, Connection, Connector, Experiment, Inputs, Result, System
+from cobot_joint.system.model import Component, Connection, Connector, DefaultExperiment, Inputs, System
 from cobot_joint.system.parameters import with_parameters
 from cobot_joint.system.read import find_system, load_system
+from cobot_joint.system.swap import with_units
 from cobot_joint.system.wiring import Wiring, check
 from cobot_joint.system.write import fmu_names, write_ssd, write_ssp, write_ssv
 
@@ -11,9 +12,8 @@ __all__ = [
     "Component",
     "Connection",
     "Connector",
-    "Experiment",
+    "DefaultExperiment",
     "Inputs",
-    "Result",
     "System",
     "Wiring",
     "check",
@@ -22,6 +22,7 @@ __all__ = [
     "initial_order",
     "load_system",
     "with_parameters",
+    "with_units",
     "write_ssd",
     "write_ssp",
     "write_ssv",

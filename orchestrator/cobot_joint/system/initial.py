@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from graphlib import TopologicalSorter
-
-import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from cobot_joint.system.model import Connection, System
 
@@ -22,15 +19,24 @@ def initial_order(system: System) -> tuple[tuple[Connection, ...], ...]:
         {into[(c.source_component, name)] for name in _dependencies(system, c) if (c.source_component, name) in into}
         for c in wires
     ]
-    pairs = [(k, n) for k, before in enumerate(needs) for n in before]
-    rows, columns = ([p[0] for p in pairs], [p[1] for p in pairs]) if pairs else ([], [])
-    graph = coo_array((np.ones(len(pairs)), (rows, columns)), shape=(len(wires), len(wires)))
-    _, loop = connected_components(graph, connection="strong") if wires else (0, [])
+    before = [_reached(needs, k) for k in range(len(wires))]
+    # wires that need one another are a loop, known by the first of them
+    loop = [min({k} | {n for n in before[k] if k in before[n]}) for k in range(len(wires))]
     order = TopologicalSorter({label: set() for label in loop})
-    for k, n in pairs:
-        if loop[k] != loop[n]:
-            order.add(loop[k], loop[n])
+    for k, direct in enumerate(needs):
+        order.add(loop[k], *(loop[n] for n in direct if loop[n] != loop[k]))
     return tuple(tuple(w for k, w in enumerate(wires) if loop[k] == label) for label in order.static_order())
+
+
+def _reached(needs: Sequence[set[int]], k: int) -> set[int]:
+    """All that k needs, directly or through others."""
+    found: set[int] = set()
+    todo = [k]
+    while todo:
+        new = needs[todo.pop()] - found
+        found |= new
+        todo += new
+    return found
 
 
 def _dependencies(system: System, connection: Connection) -> list[str]:

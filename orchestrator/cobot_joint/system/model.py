@@ -1,4 +1,4 @@
-"""What a system is, what drives it and what comes out: the words that the master, scenarios and the diagnosis share."""
+"""What a system is and what drives it: the terms that master, scenarios and diagnosis share."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Connection:
 
 
 @dataclass(frozen=True)
-class Experiment:
+class DefaultExperiment:
     """SSD's DefaultExperiment, s; and how its units want to be coupled unless a run says otherwise (None: as any)."""
 
     start_time: float = 0.0
@@ -78,7 +78,7 @@ class System:
     connections: tuple[Connection, ...]
     inputs: Mapping[str, Connector] = field(default_factory=dict)
     outputs: Mapping[str, Connector] = field(default_factory=dict)
-    default_experiment: Experiment = Experiment()
+    default_experiment: DefaultExperiment = DefaultExperiment()
     path: Path | None = None
 
     def component(self, name: str) -> Component:
@@ -87,6 +87,25 @@ class System:
             if component.name == name:
                 return component
         raise KeyError(f"{self.name} has no component {name!r}, it has {', '.join(c.name for c in self.components)}")
+
+    @property
+    def recorded(self) -> list[str]:
+        """What a run records: inputs and outputs; of a system without outputs, those of its components."""
+        ports = [
+            f"{c.name}.{v.name}"
+            for c in self.components
+            for v in c.unit.variables.values()
+            if v.causality == "output" and v.type != "String"
+        ]
+        return [*self.inputs, *(self.outputs or ports)]
+
+    def unit_of(self, signal: str) -> str | None:
+        """The unit of an input or output of the system, or of a `component.variable`; None where nothing is said."""
+        connector = self.inputs.get(signal) or self.outputs.get(signal)
+        if connector is not None:
+            return connector.unit
+        owner, _, variable = signal.partition(".")
+        return self.component(owner).unit.unit_of(variable)
 
 
 @dataclass(frozen=True)
@@ -106,26 +125,6 @@ class Inputs:
         for name, samples in self.values.items():
             if samples.shape != self.time.shape:
                 raise ValueError(f"Inputs: {name} has {len(samples)} samples, time has {len(self.time)}")
-
-
-@dataclass
-class Result:
-    """What a run recorded.
-
-    `time`: float64[m], s; `signals`: output of the system -> float64[m], in the connector's unit;
-    `energy`: mechanical connection -> (work given, work taken, integral of |power given|), J; each unit at its port.
-    """
-
-    time: NDArray[np.float64]
-    signals: dict[str, NDArray[np.float64]]
-    energy: dict[str, tuple[float, float, float]]
-    scheme: str
-    step: float
-
-    def energy_residual(self, connection: str) -> float:
-        """(given - taken) / integral of |power given| of a mechanical connection; 0 where no power flowed."""
-        given, taken, absolute = self.energy[connection]
-        return (given - taken) / absolute if absolute else 0.0
 
 
 def _qualified(component: str | None, variable: str) -> str:

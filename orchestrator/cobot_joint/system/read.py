@@ -13,7 +13,7 @@ from lxml import etree
 
 from cobot_joint import paths, xml
 from cobot_joint.errors import UserError, among
-from cobot_joint.system.model import Component, Connection, Connector, Experiment, System, Value
+from cobot_joint.system.model import Component, Connection, Connector, DefaultExperiment, System, Value
 from cobot_joint.system.parameters import checked
 from cobot_joint.system.wiring import EXPONENTS, Endpoint, Wiring, check, conversion, port_type
 from cobot_joint.units import find_fmu, load_unit, unpack
@@ -51,13 +51,19 @@ def load_system(path: Path | str) -> System:
 
 def find_system(path: Path | str) -> Path:
     """The file of a shipped system by its name, or the given file. UserError: there is neither."""
-    shipped = {file.stem: file for file in sorted(paths.folder("systems").glob("*.ssd"))}
-    if str(path) in shipped:
-        return shipped[str(path)]
+    if str(path) in system_names():
+        return paths.folder("systems") / f"{path}.ssd"
     path = Path(path)
     if path.suffix not in (".ssd", ".ssp") or not path.is_file():
-        raise UserError(f"system {str(path)!r}: there is none, allowed are {among(shipped)} or an .ssd or .ssp file")
+        raise UserError(
+            f"system {str(path)!r}: there is none, allowed are {among(system_names())} or an .ssd or .ssp file"
+        )
     return path
+
+
+def system_names() -> list[str]:
+    """Systems that come with the package."""
+    return sorted(file.stem for file in paths.folder("systems").glob("*.ssd"))
 
 
 @dataclass(frozen=True)
@@ -104,17 +110,17 @@ class _Reader:
         check(system)
         return system
 
-    def _experiment(self) -> Experiment:
+    def _experiment(self) -> DefaultExperiment:
         """The default experiment, with the annotation COUPLING if there is one."""
         element = self.root.find("ssd:DefaultExperiment", NS)
         if element is None:
-            return Experiment()
+            return DefaultExperiment()
         start, stop = float(element.get("startTime", "0")), float(element.get("stopTime", "1"))
         coupling = element.find(f"ssd:Annotations/ssc:Annotation[@type='{COUPLING}']/*", NS)
         if coupling is None:
-            return Experiment(start, stop)
+            return DefaultExperiment(start, stop)
         scheme, step = coupling.get("scheme"), coupling.get("step")
-        return Experiment(start, stop, scheme, self._coupling_step(step) if step is not None else None)
+        return DefaultExperiment(start, stop, scheme, self._coupling_step(step) if step is not None else None)
 
     def _coupling_step(self, text: str) -> float:
         try:

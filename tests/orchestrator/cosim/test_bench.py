@@ -8,8 +8,9 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from cobot_joint.cosim import DEFAULT, SCHEMES, Simulation, simulate
-from cobot_joint.system import Inputs, Result, load_system
+from cobot_joint.cosim import DEFAULT, SCHEMES, Experiment, Simulation, simulate
+from cobot_joint.results.result import Result
+from cobot_joint.system import Inputs, load_system
 
 SCENARIOS = ["no_load", "load_mr_brake", "load_hand", "reversals"]
 ACCURACY = {"i_motor": 4e-4, "w_motor": 0.03, "tau_sensor": 5e-4}  # rms: A, rad/s, N.m
@@ -23,7 +24,7 @@ def run_reference(
     reference = {name.split(" [")[0]: table[name].to_numpy() for name in table.column_names}
     system = load_system("joint_no_load" if scenario == "no_load" else "joint")
     inputs = Inputs(reference["time"], {name: reference[name] for name in system.inputs})
-    return simulate(system, inputs, 20.0, scheme=scheme, step=step), reference
+    return simulate(system, Experiment(inputs, 20.0, scheme=scheme, step=step)), reference
 
 
 @pytest.mark.parametrize("scheme", ["gauss_seidel_extrapolated", "iterative", "adaptive"])
@@ -56,7 +57,9 @@ def test_on_the_bench_native_and_reference_give_the_same_bits(scheme: str) -> No
             "tau_hold": np.array([0.0, 0.0, 2.0, 0.0]),
         },
     )
-    native, plain = (simulate(system, inputs, 0.15, scheme=scheme, engine=engine) for engine in ("native", "reference"))
+    native, plain = (
+        simulate(system, Experiment(inputs, 0.15, scheme=scheme), engine=engine) for engine in ("native", "reference")
+    )
     for name, samples in native.signals.items():
         assert np.all(np.isfinite(samples))
         assert samples.tobytes() == plain.signals[name].tobytes(), name
@@ -75,7 +78,10 @@ def test_a_parameter_that_changes_a_little_while_time_runs_leaves_no_other_trace
     system = load_system("joint")
     inputs = Inputs(np.array([0.0, 0.1]), {"v_command": np.array([0.0, 12.0])})
     events = [(0.4, {"motor_bldc.winding.R": 0.21})]
-    before, after = simulate(system, inputs, 0.6), simulate(system, inputs, 0.6, parameter_events=events)
+    before, after = (
+        simulate(system, Experiment(inputs, 0.6)),
+        simulate(system, Experiment(inputs, 0.6, parameter_events=events)),
+    )
     difference = np.abs(after.signals["i_motor"] - before.signals["i_motor"])
     assert np.all(difference[:401] == 0)
     assert 1e-4 < np.max(difference) < 0.005 * np.max(before.signals["i_motor"])  # R changes by 0.5 %
@@ -94,7 +100,7 @@ COARSE = {"acquisition.converter.bits": 8, "acquisition.range.v_max": 5.0}
 
 def test_what_is_logged_inside_of_long_steps_is_converted_there() -> None:
     """The logger goes from row to row: no row lies between two of the converter's values."""
-    result = simulate(load_system("joint_logged"), STEPS, 0.5, scheme="adaptive", parameters=COARSE, **LONG)
+    result = simulate(load_system("joint_logged"), Experiment(STEPS, 0.5, scheme="adaptive", parameters=COARSE, **LONG))
     assert result.step > 10 * LONG["output_step"]
     of_one = result.signals["i_motor"] * 1.0 / (2 * 5.0 / 2**8)  # range.k_i = 1 V/A, in the converter's steps
     assert np.ptp(of_one) > 10
@@ -105,12 +111,14 @@ def test_what_is_logged_inside_of_long_steps_is_converted_there() -> None:
 def test_of_what_only_listens_nothing_comes_back(engine: str) -> None:
     """The same steps whatever the logger does, and the same readings whatever else is recorded of it."""
     with Simulation(load_system("joint_logged"), engine) as simulation:
-        simulation.run(STEPS, 0.1, **LONG)
+        simulation.run(Experiment(STEPS, 0.1, **LONG))
         quiet = dict(simulation.counters)
-        alone = simulation.run(STEPS, 0.1, parameters=COARSE, record=["i_motor"], **LONG)
+        alone = simulation.run(Experiment(STEPS, 0.1, parameters=COARSE, record=["i_motor"], **LONG))
         assert simulation.counters == quiet
         among = simulation.run(
-            STEPS, 0.1, parameters=COARSE, record=["i_motor", "acquisition.y_a", "acquisition.y_tau"], **LONG
+            Experiment(
+                STEPS, 0.1, parameters=COARSE, record=["i_motor", "acquisition.y_a", "acquisition.y_tau"], **LONG
+            )
         )
         assert simulation.counters == quiet
     assert alone.signals["i_motor"].tobytes() == among.signals["i_motor"].tobytes()

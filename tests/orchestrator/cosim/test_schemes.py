@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from cobot_joint.cosim import SCHEMES, Scheme, Simulation, SimulationError, simulate
+from cobot_joint.cosim import SCHEMES, Experiment, Scheme, Simulation, SimulationError, simulate
 from cobot_joint.errors import UserError
 from cobot_joint.system import Inputs, System
 
@@ -37,13 +37,13 @@ def ramped(t: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def error_let_go(system: System, scheme: str | Scheme, step: float) -> float:
-    result = simulate(system, NOTHING, STOP, scheme=scheme, step=step, output_step=0.1)
+    result = simulate(system, Experiment(NOTHING, STOP, scheme=scheme, step=step, output_step=0.1))
     return float(np.max(np.abs(result.signals["phi"] - let_go(result.time))))
 
 
 def error_ramped(system: System, scheme: str | Scheme, step: float) -> float:
     ramp = Inputs(np.array([0.0, STOP]), {"tau_drive": np.array([0.0, STOP])})
-    result = simulate(system, ramp, STOP, scheme=scheme, step=step, output_step=0.1, parameters=AT_REST)
+    result = simulate(system, Experiment(ramp, STOP, scheme=scheme, step=step, output_step=0.1, parameters=AT_REST))
     return float(np.max(np.abs(result.signals["phi"] - ramped(result.time))))
 
 
@@ -88,9 +88,9 @@ def test_an_adaptive_run_takes_back_steps_after_a_jolt_and_rests_at_rest(make_os
     jolt = Inputs(np.array([0.0, 0.49, 0.5, 0.6, 0.61]), {"tau_drive": np.array([0.0, 0.0, 40.0, 40.0, 0.0])})
     scheme = replace(SCHEMES["adaptive"], shortest=0.1 / 16)
     with Simulation(system) as simulation:
-        simulation.run(jolt, 50.0, scheme=scheme, step=1.6, output_step=0.1)
+        simulation.run(Experiment(jolt, 50.0, scheme=scheme, step=1.6, output_step=0.1))
         jolted = simulation.counters
-        rest = simulation.run(NOTHING, 50.0, scheme=scheme, step=1.6, output_step=0.1, parameters=AT_REST)
+        rest = simulation.run(Experiment(NOTHING, 50.0, scheme=scheme, step=1.6, output_step=0.1, parameters=AT_REST))
         resting = simulation.counters
     assert jolted["rejected"] > 0
     assert jolted["steps"] > 5 * resting["steps"]
@@ -102,7 +102,7 @@ def test_an_adaptive_run_takes_back_steps_after_a_jolt_and_rests_at_rest(make_os
 def test_rows_inside_long_steps_are_as_exact_as_the_steps(make_oscillator: MakeSystem) -> None:
     scheme = replace(SCHEMES["adaptive"], tolerance=1e-5)
     with Simulation(make_oscillator()) as simulation:
-        result = simulation.run(NOTHING, STOP, scheme=scheme, step=0.5, output_step=0.005)
+        result = simulation.run(Experiment(NOTHING, STOP, scheme=scheme, step=0.5, output_step=0.005))
         assert simulation.counters["steps"] < 0.5 * len(result.time)
     assert np.max(np.abs(result.signals["phi"] - let_go(result.time))) < 3e-5
 
@@ -110,7 +110,8 @@ def test_rows_inside_long_steps_are_as_exact_as_the_steps(make_oscillator: MakeS
 def test_adaptive_steps_end_where_inputs_turn(make_oscillator: MakeSystem) -> None:
     pulse = Inputs(np.array([0.0, 3.3, 3.31, 3.32]), {"tau_drive": np.array([0.0, 0.0, 10.0, 0.0])})  # 0.1 N.m.s
     result = simulate(
-        make_oscillator(), pulse, 4.0, scheme="adaptive", step=1.6, output_step=0.1, parameters=AT_REST, record=["w"]
+        make_oscillator(),
+        Experiment(pulse, 4.0, scheme="adaptive", step=1.6, output_step=0.1, parameters=AT_REST, record=["w"]),
     )
     assert np.max(np.abs(result.signals["w"][:34])) < 1e-12
     assert result.signals["w"][34] == pytest.approx(0.1, rel=0.02)
@@ -129,12 +130,9 @@ def test_native_and_reference_give_the_same_bits(
         runs = [
             simulate(
                 system,
-                drive,
-                3.0,
-                scheme=tried,
-                step=0.05,
-                output_step=0.1,
-                record=["phi", "w", "tau", "tau_drive"],
+                Experiment(
+                    drive, 3.0, scheme=tried, step=0.05, output_step=0.1, record=["phi", "w", "tau", "tau_drive"]
+                ),
                 engine=engine,
             )
             for engine in ("native", "reference")
@@ -145,7 +143,7 @@ def test_native_and_reference_give_the_same_bits(
 
 
 def test_work_given_is_work_taken(make_oscillator: MakeSystem) -> None:
-    result = simulate(make_oscillator(), NOTHING, STOP, step=0.01, output_step=0.1)
+    result = simulate(make_oscillator(), Experiment(NOTHING, STOP, step=0.01, output_step=0.1))
     assert list(result.energy) == ["inertia.shaft -> spring.shaft"]
     given, taken, absolute = result.energy["inertia.shaft -> spring.shaft"]
     assert given == pytest.approx(-0.5 * J * result.signals["w"][-1] ** 2, abs=1e-5)  # it started at rest
@@ -156,10 +154,10 @@ def test_schemes_that_roll_back_refuse_units_that_cannot(make_oscillator: MakeSy
     system = make_oscillator({"rolls_back": False})
     for name in ("iterative", "adaptive"):
         with pytest.raises(SimulationError, match="inertia, spring cannot get and set the FMU state"):
-            simulate(system, NOTHING, 1.0, scheme=name)
-    simulate(system, NOTHING, 1.0)
+            simulate(system, Experiment(NOTHING, 1.0, scheme=name))
+    simulate(system, Experiment(NOTHING, 1.0))
 
 
 def test_an_unknown_scheme_is_answered_with_the_known_ones(make_oscillator: MakeSystem) -> None:
     with pytest.raises(UserError, match="'euler' is given, allowed are jacobi, gauss_seidel,"):
-        simulate(make_oscillator(), NOTHING, 1.0, scheme="euler")
+        simulate(make_oscillator(), Experiment(NOTHING, 1.0, scheme="euler"))

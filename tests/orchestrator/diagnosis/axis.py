@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from cobot_joint.diagnosis.data.campaign import Campaign, Tolerance
+from cobot_joint.diagnosis.data.campaign import Campaign
+from cobot_joint.diagnosis.data.campaign_file import Tolerance
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.plant import Parameter, Port, ScannedShape, Signals, TermCandidate
 

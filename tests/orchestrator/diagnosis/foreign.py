@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cobot_joint.diagnosis.data.campaign import Campaign, Logged
+from cobot_joint.diagnosis.data.campaign import Campaign
+from cobot_joint.diagnosis.data.campaign_file import Logged
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.problem import Noise, Vector
 from cobot_joint.diagnosis.plant.correction import formula_parameters, table_parameters

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cobot_joint.cli import app
-from cobot_joint.diagnosis.data.campaign import FrequencyExperiment
+from cobot_joint.diagnosis.data.campaign_file import FrequencyExperiment
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cobot_joint.cosim import Simulation
+from cobot_joint.cosim import Experiment, Simulation
 from cobot_joint.diagnosis.drafts.chain import chain, with_data_sheet
 from cobot_joint.system.model import Inputs
 
@@ -27,9 +27,7 @@ def write_log(path: Path, seed: int) -> None:
     v = np.interp(t, np.linspace(0, 6, len(corners)), corners)
     with Simulation(with_data_sheet(chain(["motor"]), SHEET).system) as simulation:
         record = ["i_motor", "w_motor"]
-        run = simulation.run(
-            Inputs(t, {"v_command": v}), 6.0, output_step=1e-3, parameters=COGGING, record=record
-        ).signals
+        run = simulation.run(Experiment(Inputs(t, {"v_command": v}), 6.0, parameters=COGGING, record=record)).signals
     i = 1e3 * (run["i_motor"] + rng.normal(0, 4e-3, len(t)))
     n = 30 / np.pi * (run["w_motor"] + rng.normal(0, 0.3, len(t)))
     rows = [";".join(f"{x:.6g}".replace(".", ",") for x in row) for row in zip(1e3 * t, v, i, n, strict=True)]

@@ -9,12 +9,11 @@ import pyarrow.parquet as pq
 import pytest
 
 from cobot_joint.errors import UserError
-from cobot_joint.scenario import load_scenario
+from cobot_joint.results.result import Result
 from cobot_joint.scenario.calibration import settled, staircase
-from cobot_joint.scenario.model import Arm
+from cobot_joint.scenario.model import Arm, load_scenario
 from cobot_joint.scenario.options import Options
 from cobot_joint.scenario.run import run_scenario
-from cobot_joint.system import Result
 
 
 def test_arm_gives_the_torque_of_eq_3_2() -> None:

@@ -12,7 +12,6 @@ import pyarrow.parquet as pq
 import pytest
 
 from cobot_joint.errors import UserError
-from cobot_joint.scenario import load_scenario
 from cobot_joint.scenario.frequency_response import (
     Series,
     fit_first_order,
@@ -24,6 +23,7 @@ from cobot_joint.scenario.frequency_response import (
     sweep,
     variant_system,
 )
+from cobot_joint.scenario.model import load_scenario
 from cobot_joint.scenario.options import Options
 from cobot_joint.scenario.report import Report
 

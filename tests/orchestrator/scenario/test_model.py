@@ -9,8 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from cobot_joint.errors import UserError
-from cobot_joint.scenario import load_scenario, scenario_names
-from cobot_joint.scenario.model import Grips
+from cobot_joint.scenario.model import Grips, load_scenario, scenario_names
 from cobot_joint.system import load_system
 
 TIME = ["no_load", "load_mr_brake", "load_hand", "reversals"]
@@ -84,7 +83,10 @@ def test_wrong_file_is_refused_with_the_place(text: str, words: str, tmp_path: P
 
 
 def test_unknown_scenario_is_refused_with_the_shipped_ones() -> None:
-    with pytest.raises(UserError, match=r"scenario 'laod': there is none, allowed are .*load_hand.* or a \.toml file"):
+    with pytest.raises(
+        UserError,
+        match=r"scenario 'laod': there is none, allowed are .*load_hand.*, a \.toml file, or a system: .*joint",
+    ):
         load_scenario("laod")
 
 

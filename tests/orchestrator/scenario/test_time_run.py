@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -13,8 +14,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from cobot_joint.errors import UserError
-from cobot_joint.results import read_provenance
-from cobot_joint.scenario import load_scenario
+from cobot_joint.results.files import read_provenance
+from cobot_joint.scenario.model import load_scenario
 from cobot_joint.scenario.options import Options
 from cobot_joint.scenario.run import run_scenario
 from cobot_joint.scenario.time_run import Digest
@@ -54,7 +55,13 @@ def test_run_leaves_pictures_and_a_summary(tmp_path: Path) -> None:
     report = run_scenario(load_scenario("no_load", {"stop_time": "0.1"}), tmp_path, Options())
     assert {p.name for p in report.files} == {"signals.parquet", "signals.html", "signals.png", "summary.json"}
     assert all(path.stat().st_size > 0 for path in report.files)
-    assert (tmp_path / "plotly.min.js").stat().st_size > 1e6  # HTML opens without a network
+
+
+def test_a_page_stands_alone(tmp_path: Path) -> None:
+    run_scenario(load_scenario("no_load", {"stop_time": "0.1"}), tmp_path, Options())
+    page = (tmp_path / "signals.html").read_text(encoding="utf-8")
+    assert "Plotly.newPlot" in page
+    assert re.findall(r"<(?:script|link|img)[^>]*(?:src|href)=", page) == []
 
 
 def test_run_says_where_it_comes_from(tmp_path: Path) -> None:

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cobot_joint.cosim import DEFAULT, Simulation
+from cobot_joint.cosim import DEFAULT, Experiment, Simulation
 from cobot_joint.errors import UserError
-from cobot_joint.system import Experiment, Inputs, System, load_system
+from cobot_joint.system import DefaultExperiment, Inputs, System, load_system
 from cobot_joint.system.write import write_ssd
 
 INPUTS = Inputs(np.array([0.0, 1.0]), {"v_command": np.array([1.0, 1.0])})
@@ -19,7 +19,7 @@ INPUTS = Inputs(np.array([0.0, 1.0]), {"v_command": np.array([1.0, 1.0])})
 @pytest.fixture
 def system() -> System:
     """Motor and gearhead, whose description asks for held inputs at 0.2 ms."""
-    return replace(load_system("joint_no_load"), default_experiment=Experiment(0.0, 1.0, "gauss_seidel", 2e-4))
+    return replace(load_system("joint_no_load"), default_experiment=DefaultExperiment(0.0, 1.0, "gauss_seidel", 2e-4))
 
 
 def test_coupling_survives_writing_and_reading(system: System, tmp_path: Path) -> None:
@@ -29,15 +29,15 @@ def test_coupling_survives_writing_and_reading(system: System, tmp_path: Path) -
 
 def test_run_takes_the_systems_own_scheme_and_step(system: System) -> None:
     with Simulation(system) as simulation:
-        result = simulation.run(INPUTS, 0.01)
+        result = simulation.run(Experiment(INPUTS, 0.01))
     assert (result.scheme, result.step) == ("gauss_seidel", pytest.approx(2e-4))
 
 
 def test_scheme_that_is_asked_for_wins(system: System) -> None:
     with Simulation(system) as simulation:
-        assert simulation.run(INPUTS, 0.01, scheme="iterative").scheme == "iterative"
+        assert simulation.run(Experiment(INPUTS, 0.01, scheme="iterative")).scheme == "iterative"
     with Simulation(load_system("joint_no_load")) as simulation:
-        assert simulation.run(INPUTS, 0.01).scheme == DEFAULT
+        assert simulation.run(Experiment(INPUTS, 0.01)).scheme == DEFAULT
 
 
 @pytest.mark.parametrize("step", ["short", "", "-1", "0", "inf", "nan", "1e9"])

@@ -12,7 +12,7 @@ import pytest
 from fmpy.ssp.simulation import simulate_ssp
 from fmpy.ssp.ssd import read_ssd, read_ssv
 
-from cobot_joint.cosim import simulate
+from cobot_joint.cosim import Experiment, simulate
 from cobot_joint.errors import UserError
 from cobot_joint.system import Inputs, System, load_system, with_parameters, write_ssd, write_ssp, write_ssv
 from cobot_joint.system.write import file_names
@@ -88,7 +88,7 @@ def test_fmpy_runs_the_archive_to_the_same_end(tmp_path: Path) -> None:
     inputs = {"v_command": v, "i_brake": lambda t: 0.0, "tau_hold": lambda t: 0.0}
     theirs = simulate_ssp(str(path), stop_time=end, step_size=1e-4, input=inputs)
     time = np.linspace(0, end, 301)
-    ours = simulate(system, Inputs(time, {"v_command": np.array([v(t) for t in time])}), end).signals
+    ours = simulate(system, Experiment(Inputs(time, {"v_command": np.array([v(t) for t in time])}), end)).signals
     # its loop holds all inputs over a step and passes nothing on at the start: first order, 0.6 % at 0.1 ms
     assert theirs["w_motor"][-1] == pytest.approx(ours["w_motor"][-1], rel=0.01)
     assert theirs["tau_sensor"][-1] == pytest.approx(ours["tau_sensor"][-1], rel=0.01)

@@ -2,171 +2,34 @@
 
 from __future__ import annotations
 
-import math
-import re
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import ValidationError
 
 from cobot_joint import paths
+from cobot_joint.diagnosis.data.campaign_file import (
+    Alternative,
+    CampaignFile,
+    ColumnEntry,
+    FrequencyExperiment,
+    Logged,
+    RecordingEntry,
+    Tolerance,
+    Values,
+)
 from cobot_joint.diagnosis.data.check import check
-from cobot_joint.diagnosis.data.delimited import Layout
 from cobot_joint.diagnosis.data.formats import nearest
 from cobot_joint.diagnosis.data.parameters import run_values, with_values
-from cobot_joint.diagnosis.data.recording import Column, Connector, Reading, Recording, Role, read_recording
+from cobot_joint.diagnosis.data.recording import Column, Connector, Recording, Role, read_recording
+from cobot_joint.diagnosis.data.suspicion import Suspicion
 from cobot_joint.diagnosis.data.tables import read_table
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import System
 from cobot_joint.system.read import load_system
 from cobot_joint.system.wiring import warn_of_unconnected
-
-if TYPE_CHECKING:
-    from cobot_joint.diagnosis.data.suspicion import Suspicion
-
-
-@dataclass(frozen=True)
-class Tolerance:
-    """How far a healthy parameter may be off: relative to its nominal value, or between two values."""
-
-    relative: float | None = None
-    between: tuple[float, float] | None = None
-
-    def bounds(self, nominal: float) -> tuple[float, float]:
-        """(lower, upper) around `nominal`"""
-        if self.between is not None:
-            return self.between
-        assert self.relative is not None
-        return nominal - self.relative * abs(nominal), nominal + self.relative * abs(nominal)
-
-
-def _tolerance(given: Any) -> Tolerance:
-    if isinstance(given, Tolerance):
-        return given
-    percent = re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*%\s*", given) if isinstance(given, str) else None
-    if percent and float(percent[1]) > 0:
-        return Tolerance(relative=float(percent[1]) / 100)
-    numbers = isinstance(given, list) and len(given) == 2 and all(type(v) in (int, float) for v in given)
-    if numbers and -math.inf < given[0] < given[1] < math.inf:
-        return Tolerance(between=(float(given[0]), float(given[1])))
-    raise ValueError(f'{given!r} is given, "20 %" (more than 0 %) or [lower, upper] is allowed')
-
-
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid", arbitrary_types_allowed=True, strict=True, allow_inf_nan=False)
-
-
-class Logged(_Model):
-    """What the logger's data sheet says of a channel; what a recording then shows is estimated from the recording."""
-
-    unit: str
-    causality: Literal["input", "output"]
-    noise: Annotated[float, Field(gt=0)] | None = None  # 1 sigma
-    colour: Annotated[float, Field(ge=0, lt=1)] | None = None  # correlation from sample to sample; None: as recorded
-    step: Annotated[float, Field(ge=0)] | None = None  # of the converter
-    range: Annotated[float, Field(gt=0)] | None = None  # +-
-    setups: list[str] | None = None  # where it exists; None: in all
-
-
-# "first sample", of the channel of the same name; "first sample of phi * 66", of another, times or over a number
-First = Annotated[str, Field(pattern=r"^first sample( of .+?)?(\s*[*/]\s*[-+.\deE]+)?$")]
-Scale = Annotated[float, Field(allow_inf_nan=False)] | str  # a number, or a quantity: "9.84 mN.m"
-
-
-class ColumnEntry(_Model):
-    """What [channels] says of a column, where a connector's name is not enough: x = sign*scale*column + offset."""
-
-    to: str  # the connector
-    scale: Scale | None = None
-    sign: Literal[1, -1] | None = None
-    offset: Scale = 0.0
-
-    @property
-    def column(self) -> Column:
-        """As a recording is read with it. Whoever gives a scale or sign has looked at it."""
-        looked = self.scale is not None or self.sign is not None
-        return Column(self.to, 1.0 if self.scale is None else self.scale, self.sign or 1, self.offset, looked)
-
-
-Values = dict[str, float | bool | str]  # `component.parameter` -> number, choice or quantity
-
-
-class RecordingEntry(_Model):
-    """One [[recording]] of campaign.toml: a file, or several that are read alike."""
-
-    file: str | list[str]  # names or patterns, "runs/*.csv": the files that no other entry names
-    setup: str | None = None
-    role: Role = "train"
-    initial: dict[str, float | First] = Field(default_factory=dict)
-    parameters: Values = Field(default_factory=dict)  # of the system in this run: a gain that was changed between runs
-    time: str | None = None  # the clock's column, where it has an unusual name
-    begin: float | None = None  # s on the file's clock: what lies before is left out
-    end: float | None = None
-    late: dict[str, float] = Field(default_factory=dict)  # column -> s by which its stamps are late
-    without: list[str] = Field(default_factory=list)  # columns or connectors that were not recorded
-    table: Literal["mean", "rows"] | None = None  # steady states: the mean of each file, or each line of a file
-    skip: Annotated[int, Field(ge=0)] | None = None  # of a text file: lines above the names; None: guessed
-    separator: str | None = None
-    encoding: str | None = None
-    decimal: Literal[",", "."] | None = None
-
-    @property
-    def patterns(self) -> list[str]:
-        """`file` as a list."""
-        return [self.file] if isinstance(self.file, str) else self.file
-
-    def reading(self, setup: str, initial: dict[str, float | str]) -> Reading:
-        """How its files become recordings of a set-up. initial: start values that it may say otherwise."""
-        return Reading(
-            role=self.role,
-            setup=setup,
-            initial=initial | self.initial,
-            time=self.time,
-            window=(self.begin, self.end),
-            late=self.late,
-            without=tuple(self.without),
-            layout=Layout(self.skip, self.separator, self.encoding, self.decimal),
-            table=self.table,
-        )
-
-
-class Alternative(_Model):
-    """A reading of an experiment whose description leaves something open: each is diagnosed, the best is the answer."""
-
-    name: str
-    parameters: Values = Field(default_factory=dict)
-    term: str | None = None  # what it is a finding of, where it is not the first reading that holds
-
-
-class FrequencyExperiment(_Model):
-    """Amplitudes over frequency instead of time series: what the runs behind them were."""
-
-    input: str  # driven by amplitude*sin(omega t)
-    amplitude: Annotated[float, Field(gt=0)]  # in the input's unit
-    output: str  # whose half swing after settling was measured
-    settle: Annotated[float, Field(ge=0)] = 2.0  # s
-    parameters: Values = Field(default_factory=dict)  # of the experiment, not of the system
-
-
-class CampaignFile(_Model):
-    """campaign.toml, and the defaults `<system>.campaign.toml` that a shipped system brings."""
-
-    title: str = "untitled"
-    system: str = "joint"
-    setups: dict[str, str] = Field(default_factory=dict)  # set-up -> its .ssd or .ssp
-    parameters: Values = Field(default_factory=dict)  # nominal values of this machine, in place of the system's
-    channels: dict[str, str | ColumnEntry] = Field(default_factory=dict)  # column -> connector
-    initial: dict[str, float | First] = Field(default_factory=dict)  # of every recording that says nothing else
-    tolerances: dict[str, Annotated[Tolerance, BeforeValidator(_tolerance)]] = Field(default_factory=dict)
-    logged: dict[str, Logged] = Field(default_factory=dict)
-    terms: list[str] = Field(
-        default_factory=list
-    )  # `component.term` that are looked at, where not all of the units' are
-    frequency_response: FrequencyExperiment | None = None
-    alternative: list[Alternative] = Field(default_factory=list)  # of a frequency response
-    recording: list[RecordingEntry] = Field(default_factory=list)
 
 
 @dataclass

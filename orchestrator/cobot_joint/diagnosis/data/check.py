@@ -14,7 +14,7 @@ from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import Component, System
 
 if TYPE_CHECKING:
-    from cobot_joint.diagnosis.data.campaign import CampaignFile, Logged, RecordingEntry, Tolerance
+    from cobot_joint.diagnosis.data.campaign_file import CampaignFile, Logged, RecordingEntry, Tolerance
     from cobot_joint.diagnosis.data.recording import Connector
 
 Offered = Mapping[str, Mapping[str, "Connector"]]  # set-up -> its connectors by name

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.diagnosis.data.campaign import FrequencyExperiment
+from cobot_joint.diagnosis.data.campaign_file import FrequencyExperiment
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import Parameter, Port, Signals, SimulationError, TermCandidate

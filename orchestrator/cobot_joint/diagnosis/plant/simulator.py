@@ -8,7 +8,7 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.cosim import Simulation
+from cobot_joint.cosim import Experiment, Simulation
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import Inputs, System, Value
@@ -35,12 +35,14 @@ def run_beside(
     start = {name: value for name, value in values.items() if name not in onsets}
     start |= {_variable(simulation.system, name): value for name, value in recording.initial.items()}
     result = simulation.run(
-        Inputs(time, {**recording.inputs, **(added or {})}),
-        float(time[-1]),
-        output_step=recording.step,
-        parameters=start,
-        parameter_events=sorted(events, key=lambda event: event[0]),
-        record=record,
+        Experiment(
+            Inputs(time, {**recording.inputs, **(added or {})}),
+            float(time[-1]),
+            output_step=recording.step,
+            parameters=start,
+            parameter_events=sorted(events, key=lambda event: event[0]),
+            record=record,
+        )
     )
     return dict(result.signals)
 

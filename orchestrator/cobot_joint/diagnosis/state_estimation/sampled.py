@@ -9,7 +9,7 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.cosim import Simulation
+from cobot_joint.cosim import Experiment, Simulation
 from cobot_joint.diagnosis.state_estimation.states import states_of, why_none
 from cobot_joint.errors import UserError
 from cobot_joint.system.model import Connection, Inputs, System, Value
@@ -84,20 +84,18 @@ class SampledSystem:
         SimulationError: a unit fails.
         """
         step = float(time[-1] - time[0]) / (len(time) - 1)
-        result = self.simulation.run(
+        # an estimate may lie beyond what a unit lets a state start at: a brake's torque a little below 0
+        states = {s.name: float(np.clip(v, s.lower, s.upper)) for s, v in zip(self.states, x, strict=True)}
+        experiment = Experiment(
             Inputs(time, dict(inputs)),
             float(time[-1]) + 0.1 * step,
             start_time=float(time[0]),
             output_step=step,
-            parameters=self._before_onsets()
-            | {
-                # an estimate may lie beyond what a unit lets a state start at: a brake's torque a little below 0
-                s.name: float(np.clip(v, s.lower, s.upper))
-                for s, v in zip(self.states, x, strict=True)
-            },
+            parameters=self._before_onsets() | states,
             parameter_events=[(t, {name: self.values[name]}) for name, t in self.onsets.items()],
             record=self._record,
         )
+        result = self.simulation.run(experiment)
         n = len(time)
         found = {name: series[:n] for name, series in result.signals.items()}
         x = np.column_stack([found[s.name] for s in self.states]) if self.states else np.zeros((n, 0))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cobot_joint.cosim import Simulation
+from cobot_joint.cosim import Experiment, Simulation
 from cobot_joint.diagnosis.drafts.chain import Chain, chain, with_data_sheet, write_readable
 from cobot_joint.errors import UserError
 from cobot_joint.system import load_system
@@ -37,7 +37,7 @@ def test_a_chain_is_a_system_that_runs(tmp_path: Path, names: str, inputs: list[
     assert (list(system.inputs), list(system.outputs)) == (inputs, outputs)
     t = np.linspace(0, 0.2, 201)
     with Simulation(system) as simulation:
-        signals = simulation.run(Inputs(t, {inputs[0]: np.sin(6 * t)}), 0.2, output_step=1e-3, record=outputs).signals
+        signals = simulation.run(Experiment(Inputs(t, {inputs[0]: np.sin(6 * t)}), 0.2, record=outputs)).signals
     assert all(np.isfinite(x).all() for x in signals.values())
     assert np.any(signals[outputs[0]]) or names == "friction"  # whose data sheet is empty
 
@@ -68,7 +68,8 @@ def test_a_steady_motor_obeys_its_data_sheet(tmp_path: Path) -> None:
     t = np.linspace(0, 2, 2001)
     with Simulation(load_system(tmp_path / "system.ssd")) as simulation:
         record = ["i_motor", "w_motor"]
-        run = simulation.run(Inputs(t, {"v_command": np.full(2001, 6.0)}), 2.0, output_step=1e-3, record=record).signals
+        inputs = Inputs(t, {"v_command": np.full(2001, 6.0)})
+        run = simulation.run(Experiment(inputs, 2.0, record=record)).signals
     i = 2.1e-3 / 0.0385
     assert run["i_motor"][-1] == pytest.approx(i, rel=1e-3)
     assert run["w_motor"][-1] == pytest.approx((6 - 0.61 * i) / 0.0385, rel=1e-3)

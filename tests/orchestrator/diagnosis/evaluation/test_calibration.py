@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cobot_joint.diagnosis.data.campaign import Logged
+from cobot_joint.diagnosis.data.campaign_file import Logged
 from cobot_joint.diagnosis.engine import diagnose_plant
 from cobot_joint.diagnosis.evaluation.calibration import Draws, diagnosed, fitted_confidence, judge, tables
 from cobot_joint.diagnosis.evaluation.synthetic import SIZES, Concealer, Drawn

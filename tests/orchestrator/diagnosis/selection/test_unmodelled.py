@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cobot_joint.cosim import Simulation
+from cobot_joint.cosim import Experiment, Simulation
 from cobot_joint.diagnosis.data.campaign import Campaign, load_campaign
 from cobot_joint.diagnosis.engine import diagnose_plant
 from cobot_joint.diagnosis.estimation.problem import Vector
@@ -114,5 +114,5 @@ def test_the_system_repaired_from_a_table_in_the_diagnosis_is_that_with_the_form
         with Simulation(load_system(written["loaded"])) as simulation:
             time = np.arange(1001) * 1e-3
             inputs = Inputs(time, {"v_command": 6 * np.sin(6 * time), "i_brake": np.full(1001, 0.1)})
-            tau[name] = simulation.run(inputs, 1.0, scheme="adaptive").signals["tau_sensor"]
+            tau[name] = simulation.run(Experiment(inputs, 1.0, scheme="adaptive")).signals["tau_sensor"]
     assert np.max(np.abs(tau["table"] - tau["formula"])) < 0.02 * np.max(np.abs(tau["formula"]))

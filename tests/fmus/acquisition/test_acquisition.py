@@ -77,7 +77,7 @@ def test_twelve_bits_make_steps_of_10_volts_over_4096(make: Make, reading: str) 
 
 
 def test_steps_of_the_readings_are_those_of_the_specification(make: Make) -> None:
-    """RIG.md: 2.44e-3 A, 0.383 rad/s, 4.88e-3 N.m"""
+    """docs/bench.md: 2.44e-3 A, 0.383 rad/s, 4.88e-3 N.m"""
     logger = make("acquisition", {"converter.bits": 12})
     steps = {"i_motor": 2.44e-3, "w_motor": 0.383, "tau_sensor": 4.88e-3}
     for reading, (signal, _, _) in CHANNELS.items():
@@ -152,7 +152,7 @@ def test_noise_is_white_with_the_given_deviation_and_none_without(make: Make) ->
 
 
 def test_noise_and_conversion_together_have_the_specified_deviation(make: Make) -> None:
-    """RIG.md: 4.06e-3 A, 0.320 rad/s, 5.19e-3 N.m"""
+    """docs/bench.md: 4.06e-3 A, 0.320 rad/s, 5.19e-3 N.m"""
     sigma = {"noise.sigma_i": 4e-3, "noise.sigma_w": 0.3, "noise.sigma_tau": 5e-3, "converter.bits": 12}
     inputs = {signal: (lambda t, s=scale: 0.9 / s * t) for signal, _, scale in CHANNELS.values()}
     out = make("acquisition", sigma).run(4.0, 1e-3, list(CHANNELS), inputs)

@@ -1,4 +1,4 @@
-/* The master's own data, shared by native.c and unit.c. */
+/* The master's own data, shared by master.c and unit.c. */
 #ifndef COSIM_MASTER_H
 #define COSIM_MASTER_H
 

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from cobot_joint.results import SignalsWriter, columns_of, provenance, read_provenance, write_csv
+from cobot_joint.results.files import SignalsWriter, columns_of, provenance, read_provenance, write_csv
 from cobot_joint.system import load_system, with_parameters
 
 UNITS = {"time": "s", "w": "rad/s", "n": None}

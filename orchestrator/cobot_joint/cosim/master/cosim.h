@@ -125,7 +125,7 @@ typedef struct { /* a unit as a function of known variables; reals, integers and
 COSIM_API int cosim_points(PointFunction *f, size_t n_points, const double *time, const double *known, double *unknown,
                            double *jacobian);
 
-/* A unit's logger: its componentEnvironment is a Log, which keeps the last message that was no good news. */
+/* A unit's logger: its componentEnvironment is a Log, which keeps the last warning or error. */
 typedef struct {
   char last[1024];
 } Log;

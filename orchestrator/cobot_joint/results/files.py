@@ -20,8 +20,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-import cobot_joint
+from cobot_joint.errors import UserError
+from cobot_joint.results.result import Result
 from cobot_joint.system.model import System
+from cobot_joint.version import __version__
 
 ROWS_PER_GROUP = 20_000  # at least, in each row group but the last
 METADATA = "cobot-joint"  # key of the provenance, JSON, in the Parquet file's metadata
@@ -33,8 +35,8 @@ def header(name: str, unit: str | None) -> str:
 
 
 def columns_of(system: System) -> dict[str, str | None]:
-    """Signal -> unit as a run of the system writes them: time, inputs, outputs."""
-    return {"time": "s"} | {c.name: c.unit for c in [*system.inputs.values(), *system.outputs.values()]}
+    """Signal -> unit as a run of the system writes them: time, then what `System.recorded` says."""
+    return {"time": "s"} | {name: system.unit_of(name) for name in system.recorded}
 
 
 def provenance(system: System | None, **more: Any) -> dict[str, Any]:
@@ -46,7 +48,7 @@ def provenance(system: System | None, **more: Any) -> dict[str, Any]:
     return {
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "versions": {
-            "cobot-joint": cobot_joint.__version__,
+            "cobot-joint": __version__,
             "python": platform.python_version(),
             **{name: version(name) for name in ("fmpy", "numpy", "pyarrow")},
         },
@@ -98,7 +100,7 @@ class SignalsWriter:
         if unknown := set(signals) - set(self.columns):
             raise KeyError(f"{self.path}: no column for {', '.join(sorted(unknown))}")
         n = len(next(iter(signals.values())))
-        arrays = [pa.array(np.asarray(signals.get(name, np.zeros(n)), dtype=np.float64)) for name in self.columns]
+        arrays = [_array(signals.get(name, np.zeros(n))) for name in self.columns]
         self._waiting.append(pa.Table.from_arrays(arrays, schema=self.schema))
         if sum(len(table) for table in self._waiting) >= self.rows_per_group:
             self._flush()
@@ -122,9 +124,40 @@ class SignalsWriter:
             self.partial.unlink(missing_ok=True)
 
 
+def _array(x: NDArray[np.float64]) -> pa.Array:
+    """The same numbers for Arrow; `pa.array` would do it, but imports pandas to see whether this is one of its."""
+    x = np.ascontiguousarray(x, dtype=np.float64)
+    return pa.Array.from_buffers(pa.float64(), len(x), [None, pa.py_buffer(x.data)])
+
+
 def read_provenance(path: Path) -> dict[str, Any]:
     """What `SignalsWriter` wrote into a file's metadata."""
     found: dict[str, Any] = json.loads((pq.read_metadata(path).metadata or {})[METADATA.encode()])
+    return found
+
+
+def read_signals(path: Path) -> Result:
+    """A file that `SignalsWriter` wrote. UserError: not such a file."""
+    try:
+        table, facts = pq.read_table(path), read_provenance(path)
+    except (pa.ArrowInvalid, KeyError, OSError) as error:
+        raise UserError(f"{path}: not a signals file of cobot-joint: {' '.join(str(error).split())}") from error
+    columns = {name.rpartition(" [")[0]: name for name in table.column_names}
+    signals = {name: table[column].to_numpy() for name, column in columns.items()}
+    units = {name: column.rpartition(" [")[2].removesuffix("]") for name, column in columns.items() if name != "time"}
+    energy = {name: tuple(works) for name, works in facts.get("energy", {}).items()}
+    time = signals.pop("time")
+    return Result(time, signals, energy, str(facts.get("scheme", "")), float(facts.get("step", 0.0)), units, facts)
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """A file with one JSON object. UserError: not such a file."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise UserError(f"{path}: not a JSON file: {error}") from error
+    if not isinstance(found, dict):
+        raise UserError(f"{path}: a JSON object is needed")
     return found
 
 

@@ -17,7 +17,7 @@ TAU_OFF, D_OFF, W_B0, W_H, OMEGA_M = 0.08, 1e-3, 0.5, 0.02, 62.0
 
 
 def curve(i: float) -> float:
-    """RIG.md: k_b |i| up to 2.5 N.m, then saturating towards 3.84 N.m"""
+    """docs/bench.md: k_b |i| up to 2.5 N.m, then saturating towards 3.84 N.m"""
     linear, h = 2.5 * abs(i), 3.84 - 2.5
     return linear if linear <= 2.5 else 2.5 + h * (1 - np.exp(-(linear - 2.5) / h))
 

@@ -1,0 +1,121 @@
+"""Pictures as data, and as one HTML file each that zooms, opens offline and needs no other file."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from html import escape
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Okabe and Ito's palette, which colour-blind people can tell apart
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+PANEL, MARGIN = 260, 120  # px
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One line, or markers, in a panel."""
+
+    label: str
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    style: Literal["line", "dashed", "markers"] = "line"
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Curves over a shared x axis."""
+
+    y_label: str
+    curves: Sequence[Curve]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """Panels above one another, to become `stem`.html and `stem`.png; `what`: a caption for lists of files."""
+
+    stem: Path
+    what: str
+    title: str
+    x_label: str
+    panels: Sequence[Panel]
+    x_log: bool = False
+
+    @property
+    def files(self) -> dict[Path, str]:
+        """path -> what it shows"""
+        forms = {".html": "to zoom", ".png": "picture"}
+        return {self.stem.with_suffix(suffix): f"{self.what}, {form}" for suffix, form in forms.items()}
+
+
+def over_time(
+    time: NDArray[np.float64], signals: Mapping[str, NDArray[np.float64]], units: Mapping[str, str | None]
+) -> list[Panel]:
+    """A panel per unit. `signals`: name -> float64[n] at `time`: float64[n], s"""
+    by_unit: dict[str, list[Curve]] = {}
+    for name, samples in signals.items():
+        by_unit.setdefault(units.get(name) or "1", []).append(Curve(name, time, samples))
+    return [Panel(f"[{unit}]", curves) for unit, curves in by_unit.items()]
+
+
+def write_html(picture: Picture) -> Path:
+    """For plotly.js, which is written into the file; its figure is plain JSON, so that Python's side is not needed."""
+    path = picture.stem.with_suffix(".html")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure = json.dumps(_figure(picture)).replace("</", "<\\/")
+    path.write_text(
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(picture.title)}</title>'
+        f'<script>{_plotly_js()}</script></head><body><div id="figure"></div>'
+        f'<script>Plotly.newPlot("figure", {figure});</script></body></html>\n',
+        encoding="utf-8",
+    )
+    return path
+
+
+@cache
+def _plotly_js() -> str:
+    spec = find_spec("plotly")  # not imported: that takes longer than many a run
+    assert spec is not None
+    assert spec.submodule_search_locations
+    return (Path(spec.submodule_search_locations[0]) / "package_data" / "plotly.min.js").read_text(encoding="utf-8")
+
+
+def _figure(picture: Picture) -> dict[str, Any]:
+    """https://plotly.com/javascript/reference: one x axis, a y axis per panel."""
+    data: list[dict[str, Any]] = []
+    for n, panel in enumerate(picture.panels):
+        for curve in panel.curves:
+            data.append(_trace(curve, COLOURS[len(data) % len(COLOURS)]) | {"xaxis": "x", "yaxis": f"y{_nth(n)}"})
+    layout = {
+        "title": {"text": picture.title},
+        "xaxis": {"title": {"text": picture.x_label}, "type": "log" if picture.x_log else "linear"},
+        "grid": {"rows": len(picture.panels), "columns": 1, "pattern": "coupled", "ygap": 0.08},
+        "height": MARGIN + PANEL * len(picture.panels),
+        **{f"yaxis{_nth(n)}": {"title": {"text": panel.y_label}} for n, panel in enumerate(picture.panels)},
+    }
+    return {"data": data, "layout": layout, "config": {"responsive": True}}
+
+
+def _nth(n: int) -> str:
+    return "" if n == 0 else str(n + 1)
+
+
+def _trace(curve: Curve, colour: str) -> dict[str, Any]:
+    trace: dict[str, Any] = {"name": curve.label, "x": _samples(curve.x), "y": _samples(curve.y)}
+    if curve.style == "markers":
+        return trace | {"type": "scatter", "mode": "markers", "marker": {"color": colour}}
+    dash = "dash" if curve.style == "dashed" else "solid"
+    return trace | {"type": "scatter", "mode": "lines", "line": {"color": colour, "dash": dash, "width": 1.5}}
+
+
+def _samples(x: NDArray[np.float64]) -> dict[str, str]:
+    """plotly.js's typed array"""
+    return {"dtype": "f8", "bdata": base64.b64encode(np.ascontiguousarray(x, dtype="<f8").tobytes()).decode()}

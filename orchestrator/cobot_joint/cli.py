@@ -1,6 +1,7 @@
 """The command `cobot-joint`.
 
-Exit status: 0 done; 2 the call or a file is wrong (a line on stderr); 130 interrupted; 1 anything else. Nothing that simulates is imported before it is needed: a person who asks for help gets it at once.
+Exit status: 0 done; 2 the call or a file is wrong (a line on stderr); 130 interrupted; 1 anything else.
+Nothing that simulates is imported before it is needed: a person who asks for help gets it at once.
 """
 
 from __future__ import annotations
@@ -168,7 +169,8 @@ def common(
 ) -> None:
     """What holds for every command."""
     output.verbose, output.as_json = verbose, as_json
-    console.quiet = diagnosis.console.quiet = quiet or as_json
+    for one in (console, diagnosis.console, own_bench.console):
+        one.quiet = quiet or as_json
 
 
 @app.command(help=RUN_HELP)

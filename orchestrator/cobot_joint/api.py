@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
@@ -84,8 +85,10 @@ def diagnose(
     out       folder for report.html, diagnosis.json, repaired.ssp; None: `diagnosis` beside the campaign
     progress  called with what is being done
 
-    Stages that an earlier, interrupted call finished are taken over. UserError: campaign or recordings are wrong.
+    Stages that an earlier, interrupted call finished are taken over. What looks wrong with recordings is warned of.
+    UserError: campaign or recordings are wrong.
     """
+    from cobot_joint.diagnosis.checks.plausibility import plausible
     from cobot_joint.diagnosis.data.campaign import load_campaign
     from cobot_joint.diagnosis.frequency import is_response
     from cobot_joint.diagnosis.frequency_run import diagnose_response_campaign
@@ -97,7 +100,10 @@ def diagnose(
     if is_response(path):
         outcome = diagnose_response_campaign(path, folder, progress=progress)
     else:
-        outcome = diagnose_campaign(load_campaign(path), folder, progress=progress)
+        loaded = load_campaign(path)
+        for suspicion in plausible(loaded):
+            warnings.warn(str(suspicion), stacklevel=2)
+        outcome = diagnose_campaign(loaded, folder, progress=progress)
     return Diagnosed(folder, outcome.diagnosis)
 
 

@@ -169,7 +169,8 @@ def common(
 ) -> None:
     """What holds for every command."""
     output.verbose, output.as_json = verbose, as_json
-    console.quiet = diagnosis.console.quiet = quiet or as_json
+    for one in (console, diagnosis.console, own_bench.console):
+        one.quiet = quiet or as_json
 
 
 @app.command(help=RUN_HELP)

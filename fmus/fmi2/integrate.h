@@ -18,6 +18,7 @@ static inline void begin_input(Unit *m, int j, double value) {
   for (int k = 1; k <= INPUT_ORDER; k++) m->u[j].c[k] = 0;
   m->u[j].order = 0;
   m->u[j].fresh = 1;
+  m->u[j].given = m->u[j].answers = 0;
 }
 
 /* u(t) = c0 + c1 (t-t0) + c2 (t-t0)^2/2 + c3 (t-t0)^3/6 for the inputs that move (FMI 2.0, 4.2.1) */
@@ -29,9 +30,31 @@ static inline void inputs_at(Unit *m, double t) {
   }
 }
 
+static const struct {
+  int tau, phi, w, sign;
+} HELD[N_HELD + 1] = {
+#define gives +1
+#define takes -1
+#define HELD_TORQUE(tau, phi, w, role, ...) {VR_##tau, VR_##phi, VR_##w, role},
+#include "fmi2/rows.h"
+#undef gives
+#undef takes
+    {0, 0, 0, 0}};
+
+/* what the neighbour's spring adds to a held torque: held.h has the equation */
+static inline void answers_at(Unit *m, double t) {
+  for (int n = 0; n < N_HELD; n++) {
+    if (!m->u[HELD[n].tau - FIRST_INPUT].answers) continue;
+    const Anchor *q = &m->anchor[n];
+    const double e = m->real[HELD[n].phi] - q->phi - q->w * (t - q->t0), de = m->real[HELD[n].w] - q->w;
+    m->real[HELD[n].tau] += HELD[n].sign * (q->C * e + q->D * de);
+  }
+}
+
 static inline void evaluate(Unit *m, double t) {
   m->time = t;
   inputs_at(m, t);
+  answers_at(m, t);
   unit_equations(m);
 }
 

@@ -57,6 +57,9 @@
 #ifndef FLANGE /* (name, phi, w, tau, W, W_abs, gives|takes): a mechanical port */
 #define FLANGE(...)
 #endif
+#ifndef HELD_TORQUE /* (tau, phi, w, gives|takes, J, c, late, answer): an input whose neighbour is a spring c: held.h */
+#define HELD_TORQUE(...)
+#endif
 
 #include MODEL_DEF
 
@@ -79,3 +82,4 @@
 #undef EVENT
 #undef MEMORY
 #undef FLANGE
+#undef HELD_TORQUE

@@ -2,6 +2,7 @@
 #ifndef COBOT_JOINT_STEPS_H
 #define COBOT_JOINT_STEPS_H
 
+#include "fmi2/held.h"
 #include "fmi2/instance.h"
 
 static fmi2Status refuse_derivative(const Instance *c, fmi2ValueReference vr, int order, double value) {
@@ -27,6 +28,7 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueR
   for (size_t i = 0; i < n; i++) {
     const int j = (int)vr[i] - FIRST_INPUT;
     if (!m->u[j].fresh) begin_input(m, j, m->real[vr[i]]); /* a step's first derivative sets the others to zero */
+    m->u[j].given = 1;
     m->u[j].c[order[i]] = value[i];
     if (value[i] != 0 && m->u[j].order < order[i]) m->u[j].order = order[i];
   }
@@ -92,11 +94,12 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
   if (t + h > c->stop_time + slack)
     FAIL(c, "fmi2DoStep: the step ends at %g, behind the stop time %g", t + h, c->stop_time);
   refresh(m);
+  continue_held(m, h);
   for (int j = 0; j < N_INPUT; j++) { /* an input that nobody set stays where it got to */
     if (!m->u[j].fresh) {
       m->u[j].c[0] = m->real[FIRST_INPUT + j];
       m->u[j].t0 = m->time;
-      m->u[j].order = 0;
+      m->u[j].order = m->u[j].given = m->u[j].answers = 0;
     }
     m->u[j].fresh = 0;
   }

@@ -40,6 +40,11 @@ enum {
 #define EVENT COUNT_ROW
 #include "fmi2/rows.h"
 };
+enum HeldNumber {
+#define HELD_TORQUE(tau, ...) HELD_##tau,
+#include "fmi2/rows.h"
+  N_HELD
+};
 enum { N_X = N_STATE + N_INTEGRAL, FIRST_INPUT = N_X };
 
 /* ---- value references ---------------------------------------------------------------------------------------- */
@@ -82,6 +87,11 @@ enum EventNumber {
 #define EVENT(name, ...) EVENT_##name,
 #include "fmi2/rows.h"
 };
+
+/* a torque that the master holds: the shaft at the step's begin, and by what it answers within the step (held.h) */
+typedef struct {
+  double h, t0, phi, w, tau, C, D; /* h: length of the step, 0: nothing known */
+} Anchor;
 
 /* ---- the unit -------------------------------------------------------------------------------------------------- */
 typedef struct Unit {
@@ -130,8 +140,9 @@ typedef struct Unit {
   /* inputs over a step: value and derivatives at t0, per input */
   struct {
     double t0, c[INPUT_ORDER + 1];
-    int order, fresh; /* fresh: set since the last step */
+    int order, fresh, given, answers; /* fresh: set since the last step; given: with derivatives; answers: held.h */
   } u[N_INPUT + 1];
+  Anchor anchor[N_HELD + 1];
   double step;      /* s, what the integrator takes next */
   double tolerance; /* local error per step, relative to each state's nominal value */
   int stale;        /* derivatives and outputs no longer belong to states, inputs and parameters */

@@ -1,6 +1,6 @@
 """Error over step of the bench in other masters, inputs held: `python -m benchmarks.held_inputs [--peers PYTHON]`.
 
-The scenario load_mr_brake, rms against the monolithic loop at 10 us, as rows of a Markdown table; "-": the coupling diverges.
+load_mr_brake, rms against the monolithic loop at 10 us, as rows of a Markdown table; "-": the coupling diverges.
 """
 
 import argparse

@@ -173,8 +173,9 @@ static void xml_derivative(int i) {
   snprintf(name, sizeof name, "der(%s)", REAL_INFO[i].name);
   snprintf(text, sizeof text, "derivative of %s", REAL_INFO[i].name);
   scalar("", name, (unsigned)(FIRST_DER + i), text, "local", "continuous", "calculated");
-  printf("<Real unit=\"%s\" derivative=\"%d\" nominal=\"%.17g\"/></ScalarVariable>\n",
-         unit_per_second(unit, REAL_INFO[i].unit), i + 1, REAL_INFO[i].nominal);
+  printf("<Real unit=\"%s\"", unit_per_second(unit, REAL_INFO[i].unit));
+  if (display_unit(unit)) printf(" displayUnit=\"%s\"", display_unit(unit)->name);
+  printf(" derivative=\"%d\" nominal=\"%.17g\"/></ScalarVariable>\n", i + 1, REAL_INFO[i].nominal);
 }
 
 /* index in ModelVariables, from 1 */

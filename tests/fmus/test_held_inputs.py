@@ -72,7 +72,7 @@ def test_given_derivatives_leave_nothing_to_answer(make: Make) -> None:
 
 
 def test_the_trend_of_a_held_torque_goes_on(make: Make) -> None:
-    """the pulley without its belt; trend 1/(1 + 8 x), x = c h^2/J_p; the answer is switched off by the motion imposed"""
+    """the pulley without its belt; trend 1/(1 + 8 x), x = c h^2/J_p; the answer is off: the motion is imposed"""
     motor = make("motor_bldc", {"motor.level": 1})
     for tau in (0.0, 1e-3):
         motor.set({"tau": tau})
@@ -164,7 +164,8 @@ def test_a_plain_master_agrees_with_our_adaptive_solution(make: Make, h: float, 
         make, h, 2.5, lambda t: (float(np.interp(t, time, volts)), float(np.interp(t, time, amperes))), sequential
     )
     i, w = rms(plain - ours)
-    assert i <= 0.1 * h / 1e-3 and w <= 1.0 * h / 1e-3
+    assert i <= 0.1 * h / 1e-3
+    assert w <= 1.0 * h / 1e-3
 
 
 @pytest.mark.long
@@ -183,4 +184,5 @@ def test_a_plain_jacobi_master_meets_the_reference(
 
     plain = plain_master(make, h, 20.0, inputs, sequential=False)
     i, w = rms(plain - np.column_stack([column["i_motor"], column["w_motor"]])[1:])
-    assert i <= i_most and w <= w_most
+    assert i <= i_most
+    assert w <= w_most

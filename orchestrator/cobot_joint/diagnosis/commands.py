@@ -262,15 +262,26 @@ def _stages() -> Iterator[Callable[[str], None]]:
 
 
 class _Lines:
-    """Progress in lines: every stage once, and within one every PAUSE seconds how far it is."""
+    """Progress in lines: every stage once, and within one every PAUSE seconds how far it is.
+
+    The first stage, in which files are found wrong, is said with the second: such an error is one line.
+    """
 
     PAUSE = 10.0  # s
 
     def __init__(self, begun: float) -> None:
         self.begun, self.stage, self.last = begun, "", -self.PAUSE
+        self.first: str | None = None
 
     def __call__(self, words: str) -> None:
         now, stage = time.monotonic() - self.begun, words.split(": ")[0]
-        if stage != self.stage or now - self.last > self.PAUSE:
-            self.stage, self.last = stage, now
-            print(f"{now:5.0f} s  {words}", file=sys.stderr, flush=True)
+        if stage == self.stage and now - self.last < self.PAUSE:
+            return
+        line = f"{now:5.0f} s  {words}"
+        if not self.stage:
+            self.first = line
+        else:
+            for said in filter(None, (self.first, line)):
+                print(said, file=sys.stderr, flush=True)
+            self.first = None
+        self.stage, self.last = stage, now

@@ -41,7 +41,8 @@ def inspect(
     """Look at logs: columns, units, clock, gaps, ranges, noise, saturation, suspicions."""
     from cobot_joint.diagnosis.checks.inspection import inspect_log
     from cobot_joint.diagnosis.data.delimited import Layout
-    from cobot_joint.scenario.figures import time_figures
+    from cobot_joint.results.draw import draw
+    from cobot_joint.results.figures import Picture, over_time
 
     found = [inspect_log(path, time, Layout(skip, separator, encoding)) for path in logs]
     for path, i in zip(logs, found, strict=True):
@@ -53,7 +54,8 @@ def inspect(
         for path, i in zip(logs, found, strict=True):
             r, every = i.recording, max(1, len(i.recording.time) // POINTS)
             signals = {n: x[::every] for n, x in r.outputs.items()}
-            for file in time_figures(folder / path.stem, path.name, r.time[::every], signals, r.units):
+            panels = over_time(r.time[::every], signals, r.units)
+            for file in draw(Picture(folder / path.stem, "signals", path.name, "time [s]", panels)):
                 console.print(file, soft_wrap=True)
     if system is not None:
         given = {k: v for k, v in (("time", time), ("separator", separator), ("encoding", encoding)) if v}

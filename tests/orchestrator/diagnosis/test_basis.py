@@ -13,7 +13,6 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-import cobot_joint
 from cobot_joint import paths
 from cobot_joint.diagnosis import basis
 from cobot_joint.diagnosis.archive import fingerprint
@@ -151,7 +150,7 @@ def test_held_out_recordings_and_the_folder_s_name_are_no_part_of_the_key(folder
 
 def test_another_version_and_changed_sources_make_another_key(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = key(folder)
-    monkeypatch.setattr(cobot_joint, "__version__", "0.1.1")
+    monkeypatch.setattr(basis, "__version__", "0.1.1")
     assert (other := key(folder)) != before
     monkeypatch.setattr(basis, "sources", lambda package: "changed")
     assert key(folder) not in (before, other)

@@ -87,7 +87,8 @@ def frozen(x: Vector, r: Recording, name: str) -> str:
     if (length + 1) * r.step < FROZEN or length < 4 * RAIL:
         return ""
     known = x[np.isfinite(x)]
-    if np.nan_to_num(noise_and_colour(x)[0]) < 0.5 * quantisation_step(known):  # its steps hide the noise
+    elsewhere = np.where(_within(len(x), start, length), np.nan, x)
+    if np.nan_to_num(noise_and_colour(elsewhere)[0]) < 0.5 * quantisation_step(known):  # its steps hide the noise
         return ""
     noisy = same[~_within(len(x), start, length)].mean() < 0.5
     if not noisy and x[start] == 0:  # at rest, without noise

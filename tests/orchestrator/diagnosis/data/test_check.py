@@ -63,8 +63,8 @@ WRONG = [
 
 
 def write(folder: Path, text: str) -> Path:
-    rows = "\n".join(f"{a},{a},{a}" for a in np.arange(50) * 1e-3)
-    (folder / "run.csv").write_text(f"time,v_command,w_motor\n{rows}\n")
+    rows = "\n".join(f"{a},{a},{a},{a}" for a in np.arange(50) * 1e-3)
+    (folder / "run.csv").write_text(f"time,v_command,i_motor,w_motor\n{rows}\n")
     (folder / "campaign.toml").write_text(text)
     return folder / "campaign.toml"
 

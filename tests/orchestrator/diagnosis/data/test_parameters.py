@@ -65,8 +65,8 @@ def test_set_ups_without_the_component_stay_as_they_are() -> None:
 
 def campaign(folder: Path, settings: str, entry: str = "") -> Path:
     t = np.arange(50) * 1e-3
-    rows = "\n".join(f"{a},{a},{a}" for a in t)
-    (folder / "run.csv").write_text(f"time,v_command,w_motor\n{rows}\n")
+    rows = "\n".join(f"{a},{a},{a},{a}" for a in t)
+    (folder / "run.csv").write_text(f"time,v_command,i_motor,w_motor\n{rows}\n")
     text = f'system = "joint"\n{settings}[[recording]]\nfile = "run.csv"\nsetup = "no_load"\n{entry}'
     (folder / "campaign.toml").write_text(text)
     return folder / "campaign.toml"
@@ -84,7 +84,7 @@ def test_a_tolerance_is_around_this_machine_s_value_and_inside_what_its_unit_all
     )
     loaded = load_campaign(campaign(tmp_path, given))
     with FmuPlant(loaded.systems()) as plant:
-        problem = Problem(plant, loaded.train, {"w_motor": Noise(0.3)}, jobs=1)
+        problem = Problem(plant, loaded.train, {"w_motor": Noise(0.3), "i_motor": Noise(4e-3)}, jobs=1)
         bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in loaded.tolerances.items()}
         free = {f.parameter.name: (f.lower, f.upper) for f in tolerances(problem, bounds)}
     assert free["planetary_gear.mesh.eta"] == pytest.approx((0.97 * 0.94, 1.0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -22,9 +23,11 @@ from cobot_joint.system import load_system
 from cobot_joint.version import __version__
 
 
-def cobot_joint(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
+def cobot_joint(*words: str, folder: Path, columns: int | None = None) -> subprocess.CompletedProcess[str]:
     call = [sys.executable, "-m", "cobot_joint.cli", *words]
-    return subprocess.run(call, cwd=folder, capture_output=True, text=True, check=False)
+    here = {name: value for name, value in os.environ.items() if name != "COLUMNS"}  # of whoever runs the tests
+    here |= {"COLUMNS": str(columns)} if columns else {}
+    return subprocess.run(call, cwd=folder, env=here, capture_output=True, text=True, check=False)
 
 
 def test_run_prints_tables_and_where_its_files_are(tmp_path: Path) -> None:
@@ -171,10 +174,9 @@ def test_verbose_traces_an_error_to_where_it_arose(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("scenario", ["load_mr_brake", "torque_calibration", "current_sensor_calibration"])
-def test_tables_fit_80_columns(scenario: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("COLUMNS", "80")
+def test_tables_fit_80_columns(scenario: str, tmp_path: Path) -> None:
     settings = ["--set", "stop_time=0.1"] if scenario == "load_mr_brake" else ["--set", "settle=0.05"]
-    done = cobot_joint("run", scenario, *settings, folder=tmp_path)
+    done = cobot_joint("run", scenario, *settings, folder=tmp_path, columns=80)
     assert done.returncode == 0
     tables = [line for line in done.stdout.splitlines() if line[:1] in "┏┃┡│└"]
     assert tables

@@ -12,6 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from cobot_joint.errors import UserError
+from cobot_joint.results.draw import draw
 from cobot_joint.scenario.frequency_response import (
     Series,
     fit_first_order,
@@ -136,7 +137,8 @@ def test_series_are_kept_with_their_frequency(with_units: tuple[Report, Path]) -
 
 def test_bode_plot_shows_measured_simulated_and_misfit(with_units: tuple[Report, Path]) -> None:
     report, out = with_units
-    assert {p.name for p in report.files} >= {"frequency_response.html", "frequency_response.png"}
+    written = {path.name for picture in report.pictures for path in draw(picture)}
+    assert written >= {"frequency_response.html", "frequency_response.png"}
     page = (out / "frequency_response.html").read_text()
     for label in ("measured, Table C.1", "simulated: thesis fit", "eq. 4.6", "eq. 4.7", "misfit: thesis fit"):
         assert label in page

@@ -45,7 +45,7 @@ def guess(channels: Sequence[Channel], connectors: Mapping[str, Connector], logg
             if likeness >= ALIKE or only:
                 why = (
                     "same name"
-                    if likeness == 1
+                    if channel.name == connector.name
                     else "by its name"
                     if likeness >= ALIKE
                     else "the only one in this unit"

@@ -43,8 +43,7 @@ static inline void continue_held(Unit *m, double h) {
   (void)m, (void)h; /* a unit may have neither row */
 #define FLANGE(name, phi, w, tau, W, W_abs, role) continue_angle(m, VR_##phi, VR_##w);
 #include "fmi2/rows.h"
-#define HELD_TORQUE(tau, phi, w, role, J, c, late, answer)                                                             \
-  continue_torque(m, HELD_##tau, m->J, m->c, late, answer, h);
+#define HELD_TORQUE(tau, phi, w, role, J, c, late, answer) continue_torque(m, HELD_##tau, m->J, m->c, late, answer, h);
 #include "fmi2/rows.h"
 }
 

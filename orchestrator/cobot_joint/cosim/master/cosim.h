@@ -104,7 +104,8 @@ COSIM_API int cosim_advance(Master *m, int64_t tick, double *rows);
 /* Writes the row of the present tick. */
 COSIM_API int cosim_record(Master *m, double *row);
 
-typedef struct { /* a unit as a function of known variables; reals, integers and booleans have the same values at all points */
+typedef struct
+{ /* a unit as a function of known variables; reals, integers and booleans have the same values at all points */
   fmi2Component component;
   fmi2ResetTYPE *reset;
   fmi2SetupExperimentTYPE *setup_experiment;

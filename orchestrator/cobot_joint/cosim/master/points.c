@@ -6,13 +6,13 @@
 
 #include "cosim.h"
 
-#define TRY(call, name)                                                                       \
-  do {                                                                                        \
-    fmi2Status status = (call);                                                               \
-    if (status != fmi2OK && status != fmi2Warning) {                                          \
-      snprintf(f->message, sizeof f->message, "%s returned %d at t = %.9g s", name, status, t); \
-      return -1;                                                                              \
-    }                                                                                         \
+#define TRY(call, name)                                                                                                \
+  do {                                                                                                                 \
+    fmi2Status status = (call);                                                                                        \
+    if (status != fmi2OK && status != fmi2Warning) {                                                                   \
+      snprintf(f->message, sizeof f->message, "%s returned %d at t = %.9g s", name, status, t);                        \
+      return -1;                                                                                                       \
+    }                                                                                                                  \
   } while (0)
 
 static int set_point(PointFunction *f, double t, const double *known) {

@@ -34,7 +34,8 @@ static double dot(size_t n, const double *a, const double *b) {
 }
 
 /* z = F (z + jump), P = F P F' + Q */
-static void predict(size_t N, const double *F, const double *jump, const double *Q, double *z, double *P, double *work) {
+static void predict(size_t N, const double *F, const double *jump, const double *Q, double *z, double *P,
+                    double *work) {
   double *moved = work + N * N;
   for (size_t i = 0; i < N; i++) z[i] += jump[i];
   for (size_t i = 0; i < N; i++) moved[i] = dot(N, F + i * N, z);
@@ -101,8 +102,7 @@ int kalman_backward(const KalmanSteps *steps, const KalmanFiltered *in, double *
     const double *P = in->P + k * N * N, *F = steps->F + k * N * N;
     for (size_t j = m; j-- > 0;) {
       const size_t at = k * m + j;
-      if (in->precision[at] > 0)
-        take_in(N, steps->H + at * N, in->K + at * N, in->e[at], in->precision[at], a, M, MK);
+      if (in->precision[at] > 0) take_in(N, steps->H + at * N, in->K + at * N, in->e[at], in->precision[at], a, M, MK);
     }
     product(N, P, M, product_of); /* z = z_predicted + P a, cov z = P - P M P */
     for (size_t i = 0; i < N; i++) {

@@ -41,6 +41,7 @@ FITTED = 2  # leaders of the score that are fitted
 SEEN = (0.5, 50.0)  # whitened length that a probe of a term should have: seen, and not far from linear
 CALIBRATION = Precision(steps=4)  # on all frequencies, after a fit on those that cost little
 FINISHED = Precision(settled=0.1, steps=12)  # a term and what it stands in for leave a narrow valley
+WITHIN_REACH = 4.0  # times the lowest chi-square, up to which a reading is fitted to its end: twice its rms
 ROUNDS, GAINED = 8, 0.5  # of such fits at most, and chi-square that one has to gain; two that do not are the end
 Vector = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -152,11 +153,18 @@ def diagnose_response(
     only = response.given.terms
     worth = [c for c in ranking if c.gain > 2 * np.log(len(ranking)) and (not only or c.term in only)]
     leaders = worth[:FITTED]  # of a shaft's twins, the one that the campaign allows
-    readings = []
-    for alternative, (nominal, base) in zip(given, bases, strict=True):
+    fitted = []
+    for alternative, (_, base) in zip(given, bases, strict=True):
         key = (alternative.model_dump(), [candidate.term for candidate in leaders])
         say(f"fitting {' and '.join(key[1])}: {alternative.name}")
-        fits = store.remember("named", key, partial(_fits, response, alternative, base, leaders))
+        fitted.append(store.remember("named", key, partial(_fits, response, alternative, base, leaders)))
+    near = WITHIN_REACH * min((f.chi2 for fits in fitted for f in fits.values()), default=0.0)
+    readings = []
+    for alternative, (nominal, base), fits in zip(given, bases, fitted, strict=True):
+        if any(f.chi2 < near for f in fits.values()):
+            say(f"fitting to the end: {alternative.name}")
+            key = (alternative.model_dump(), [candidate.term for candidate in leaders])
+            fits = store.remember("finished", key, partial(_finished, response, alternative, fits))
         allowed = {name: f for name, f in fits.items() if not response.given.terms or name in response.given.terms}
         repaired, equivalent = choose(base, allowed, len(ranking))
         readings.append(Reading(alternative, nominal, base, repaired, ranking, equivalent))
@@ -206,23 +214,29 @@ def _fits(response: Response, alternative: Alternative, base: Fit, leaders: Sequ
             rough = fit(fast, base.hypothesis.with_effects(ActiveTerm(term, start)))
             if rough is None:
                 continue
-            found = _to_the_end(problem, rough)
+            found = fit(problem, rough.settled().hypothesis, rough.settled().x, precision=FINISHED)
             if found is not None:
                 fits[term.name] = found
     return fits
 
 
-def _to_the_end(problem: Problem, rough: Fit) -> Fit | None:
-    """Fitted to all frequencies, again from where it ended while that helps: in a narrow valley over rough amplitudes
-    steps end early, and a fresh Jacobian finds the way on. None: it cannot be simulated.
+def _finished(response: Response, alternative: Alternative, fits: Mapping[str, Fit]) -> dict[str, Fit]:
+    with _problems(response, alternative) as (problem, _):
+        return {name: _to_the_end(problem, found) for name, found in fits.items()}
+
+
+def _to_the_end(problem: Problem, best: Fit) -> Fit:
+    """Fitted again from where it ended while that helps.
+
+    In a narrow valley over rough amplitudes steps end early, and a fresh Jacobian finds the way on.
     """
-    best, at, idle = None, rough.settled(), 0
+    at, idle = best.settled(), 0
     for _ in range(ROUNDS):
         found = fit(problem, at.hypothesis, at.x, precision=FINISHED)
         if found is None:
             break
-        idle = idle + 1 if best is not None and best.cost - found.cost < GAINED else 0
-        best = found if best is None or found.cost < best.cost else best
+        idle = idle + 1 if best.cost - found.cost < GAINED else 0
+        best = found if found.cost < best.cost else best
         if idle == 2:
             break
         at = found.settled()

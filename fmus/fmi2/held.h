@@ -5,7 +5,8 @@
 
 #include "fmi2/integrate.h"
 
-static inline bool is_held(const Unit *m, int j) { return m->u[j].fresh && !m->u[j].given; }
+/* set anew at every step, without derivatives; a value that is set once stays as it is */
+static inline bool is_held(const Unit *m, int j) { return m->u[j].fresh && m->u[j].streamed && !m->u[j].given; }
 
 /* phi(t) = phi_k + w_k (t - t_k): an angle cannot stand still while its own speed does not */
 static inline void continue_angle(Unit *m, int phi, int w) {

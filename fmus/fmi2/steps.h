@@ -101,6 +101,7 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
       m->u[j].t0 = m->time;
       m->u[j].order = m->u[j].given = m->u[j].answers = 0;
     }
+    m->u[j].streamed = m->u[j].fresh;
     m->u[j].fresh = 0;
   }
   const char *trouble = advance(c, t + h);

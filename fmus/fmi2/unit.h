@@ -140,7 +140,8 @@ typedef struct Unit {
   /* inputs over a step: value and derivatives at t0, per input */
   struct {
     double t0, c[INPUT_ORDER + 1];
-    int order, fresh, given, answers; /* fresh: set since the last step; given: with derivatives; answers: held.h */
+    int order, fresh, streamed; /* fresh: set since the last step; streamed: and before that one, too */
+    int given, answers;         /* given: with derivatives; answers: by its shaft, held.h */
   } u[N_INPUT + 1];
   Anchor anchor[N_HELD + 1];
   double step;      /* s, what the integrator takes next */

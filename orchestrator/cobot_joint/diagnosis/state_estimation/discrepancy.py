@@ -20,6 +20,10 @@ LEAST = 20  # samples of a bin
 VARIABLES = {"rad/s": "w", "m/s": "w", "rad": "phi", "m": "phi", "N.m": "load", "N": "load", "A": "load"}
 ORDERS = 48.0  # periods per turn that an order spectrum goes up to, or as far as the sampling resolves
 NYQUIST = 0.8 * np.pi  # rad per sample
+TURNING, SLOW = (
+    1e-3,
+    0.05,
+)  # of its highest speed, at which a shaft turns; share of the samples that an order is seen in
 SHARPEST = 0.02  # periods per turn between two orders of a spectrum, at least
 PEAKS = 3  # orders whose amplitudes are estimated
 
@@ -103,7 +107,7 @@ def discrepancies(
             if (x := estimator.sampled.own_signal(name, tracked.signals)) is not None and name not in port.angles:
                 curves.append(_over(d, x, VARIABLES.get(_unit(estimator.sampled.system, name), "load"), name, tracked))
         spectra = [
-            _spectrum(evidence, latent.port, d, x, name)
+            _spectrum(evidence, latent.port, latent.tau, d, x, name)
             for name in port.angles
             if (x := estimator.sampled.own_signal(name, tracked.signals)) is not None
         ]
@@ -159,24 +163,32 @@ def _over(d: Array, x: Array, variable: str, name: str, tracked: Tracked) -> Cur
     return Curve(variable, name, np.array(middle), np.array(mean), np.array(sigma), float(np.clip(share, 0, 1)))
 
 
-def _spectrum(evidence: Evidence, port: str, d: Array, phi: Array, name: str) -> Spectrum:
-    """Periods per turn. The peaks' amplitudes are fitted to the recording: the smoother takes from quick ones."""
-    turns, fastest = float(np.ptp(phi)) / (2 * np.pi), float(np.abs(np.diff(phi)).max(initial=0.0))
-    top = min(ORDERS, NYQUIST / fastest) if fastest else 0.0
-    spacing = max(SHARPEST, 0.5 / max(turns, 1e-9))
-    orders = np.arange(1, max(int(top / spacing), 0) + 1) * spacing
+def _spectrum(evidence: Evidence, port: str, tau: float, d: Array, phi: Array, name: str) -> Spectrum:
+    """Orders from once per turn on: what is slower is not told from a course over time or speed.
+
+    A sample counts by the angle that it turns, so that standstill says nothing, less where the signal of that order is
+    quicker than the latent's tau, s, and the smoother has taken it away, and not where it is beyond the sampling. The
+    peaks' amplitudes are fitted to the recording.
+    """
+    step = evidence.trackings[0].tracked.recording.step
     moving = np.abs(np.gradient(phi))
-    weight = moving / max(float(moving.sum()), 1e-300)  # so that every turn counts alike
-    centred = (d - np.sum(weight * d)) * weight
-    amplitude = np.array([2 * abs(np.sum(centred * np.exp(-1j * n * phi))) for n in orders])
-    peaks: list[Peak] = []
+    turns = float(np.ptp(phi)) / (2 * np.pi)
+    turning = moving[moving > moving.max(initial=0.0) * TURNING]
+    top = min(ORDERS, NYQUIST / float(np.quantile(turning, SLOW))) if len(turning) else 0.0
+    spacing = max(SHARPEST, 0.5 / max(turns, 1e-9))
+    orders = 1 + np.arange(max(int((top - 1) / spacing) + 1, 0)) * spacing
+    amplitude = np.empty(len(orders))
+    for k, n in enumerate(orders):
+        weight = np.where(n * moving < NYQUIST, moving / (1 + (n * moving / step * tau) ** 2), 0.0)
+        weight /= max(float(weight.sum()), 1e-300)
+        amplitude[k] = 2 * abs(np.sum(weight * (d - np.sum(weight * d)) * np.exp(-1j * n * phi)))
+    peaks = []
     left = amplitude.copy()
     while len(peaks) < PEAKS and left.max(initial=0.0) > 0:
         n = float(orders[np.argmax(left)])
-        left[np.abs(orders - n) < 3 / max(turns, 1e-9)] = 0
+        left[np.abs(orders - n) < max(3 / max(turns, 1e-9), 3 * spacing)] = 0
         peaks.append(_peak(evidence, port, phi, n))
-    found = tuple(sorted(peaks, key=lambda p: -abs(p.amplitude)))
-    return Spectrum(name, np.asarray(orders, dtype=np.float64), amplitude, found)
+    return Spectrum(name, orders, amplitude, tuple(sorted(peaks, key=lambda p: -abs(p.amplitude))))
 
 
 def _peak(evidence: Evidence, port: str, phi: Array, order: float) -> Peak:

@@ -16,7 +16,7 @@ from cobot_joint.diagnosis.state_estimation.latents import structure, with_sizes
 from cobot_joint.diagnosis.state_estimation.pictures import picture
 from cobot_joint.diagnosis.state_estimation.sampled import SampledSystem
 from cobot_joint.system.read import load_system
-from tests.orchestrator.diagnosis.state_estimation.rig import COGGING, NOISE, SIGMA, bench, recorded, run
+from tests.orchestrator.diagnosis.state_estimation.rig import COGGING, NOISE, SIGMA, bench, clock, recorded, run
 
 PLANT = FmuPlant({"loaded": load_system("joint_logged")})
 TOLERANCES = {
@@ -26,9 +26,11 @@ TOLERANCES = {
 }
 
 
-def tracking(stack: ExitStack, values: Mapping[str, float]) -> tuple[Tracking, dict[str, tuple[str, ...]]]:
+def tracking(
+    stack: ExitStack, values: Mapping[str, float], added: Mapping[str, np.ndarray] | None = None
+) -> tuple[Tracking, dict[str, tuple[str, ...]]]:
     sampled = stack.enter_context(SampledSystem(bench()[0], list(SIGMA)))
-    recording = recorded(run(values))
+    recording = recorded(run(values, added))
     known = structure(sampled, recording, bench()[1], NOISE)
     estimator = StateEstimator(sampled, NOISE, known.latents, known.followed)
     tracked = estimator.track(recording)
@@ -83,6 +85,17 @@ def test_cogging_is_an_order_of_the_rotor_angle_of_its_own_amplitude(stack: Exit
     assert spectrum.peaks[0].order == pytest.approx(6.0, abs=0.03)
     assert spectrum.peaks[0].amplitude == pytest.approx(5e-3, rel=0.1)
     assert torque.alike == ("planetary_gear.tau_add",)
+
+
+def test_a_slow_course_is_no_period_of_an_angle_and_hides_none(stack: ExitStack) -> None:
+    """A drift of 4 mN.m beside 5 mN.m of cogging."""
+    drift = {"motor_bldc.tau_add": 4e-3 * np.sin(2 * np.pi * 0.4 * clock())}
+    one, alike = tracking(stack, COGGING, drift)
+    spectrum = port(discrepancies(one, PLANT.ports, alike), "motor_bldc.tau_add").spectra[0]
+    assert spectrum.orders.min() >= 1
+    assert spectrum.orders[np.argmax(spectrum.amplitude)] == pytest.approx(6.0, abs=0.03)
+    assert spectrum.peaks[0].order == pytest.approx(6.0, abs=0.03)
+    assert spectrum.peaks[0].amplitude == pytest.approx(5e-3, rel=0.1)
 
 
 def test_friction_that_is_off_is_a_curve_over_speed_and_its_size_is_stated(stack: ExitStack) -> None:

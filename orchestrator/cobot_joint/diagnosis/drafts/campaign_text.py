@@ -43,15 +43,11 @@ def guess(channels: Sequence[Channel], connectors: Mapping[str, Connector], logg
             likeness = _likeness(channel.name, connector.name)
             only = channel.unit is not None and len(fitting) == 1
             if likeness >= ALIKE or only:
-                why = (
-                    "same name"
-                    if channel.name == connector.name
-                    else "by its name"
-                    if likeness >= ALIKE
-                    else "the only one in this unit"
-                )
+                why = "by its name" if likeness >= ALIKE else "the only one in this unit"
+                why += "" if channel.unit else f"; no unit is given, [{connector.unit or 1}] is taken"
+                why = "" if channel.name == connector.name and channel.unit else why
                 score = likeness + 0.2 * (connector.name in usual) + 0.3 * only + 0.1 * (channel.unit is not None)
-                pairs.append((score, Guess(channel, connector.name, why + ("" if channel.unit else "; no unit given"))))
+                pairs.append((score, Guess(channel, connector.name, why)))
     chosen: dict[str, Guess] = {}
     for _, candidate in sorted(pairs, key=lambda p: -p[0]):
         if candidate.connector not in chosen and candidate.column not in [g.column for g in chosen.values()]:
@@ -88,12 +84,9 @@ def campaign_text(
     lines += ["[channels]   # column -> connector of the system; look at every line that says guess"]
     for g in guesses:
         header = g.column.name + (f" [{g.column.unit}]" if g.column.unit else "")
-        lines.append(
-            f"{_quoted(header)} = {_quoted(g.connector)}" + ("" if g.why == "same name" else f"   # guess: {g.why}")
-        )
-    lines += [
-        f'# "COLUMN" = {_quoted(c.name)}   # [{c.unit or "1"}] {c.causality}: no column was found' for c in lacking
-    ]
+        lines.append(f"{_quoted(header)} = {_quoted(g.connector)}" + (f"   # guess: {g.why}" if g.why else ""))
+    for c in lacking:
+        lines.append(f'# "COLUMN" = {_quoted(c.name)}   # {c.causality} [{c.unit or "1"}]: no column was found')
     if tolerances:
         lines += ["", "[tolerances]   # how far a healthy parameter may be off; guess: the data sheet knows better"]
         lines += [f"{_quoted(name)} = {_quoted(tolerance)}" for name, tolerance in tolerances.items()]
@@ -101,11 +94,8 @@ def campaign_text(
         role = "holdout" if k == len(files) - 1 > 0 else "train"
         lines += ["", "[[recording]]", f"file = {_quoted(file)}"]
         lines += [f"{key} = {_quoted(value)}" for key, value in (given or {}).items()]
-        lines += (
-            [f"role = {_quoted(role)}   # guess: the last is held out, scored and never fitted"]
-            if role != "train"
-            else []
-        )
+        if role == "holdout":
+            lines.append('role = "holdout"   # guess: the last is held out, scored and never fitted')
         if lacking:
             lines += [f"without = [{', '.join(_quoted(c.name) for c in lacking)}]   # guess: they were not recorded"]
     return "\n".join(lines) + "\n"

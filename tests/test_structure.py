@@ -61,6 +61,9 @@ UPWARD: set[str] = {
     "diagnosis/selection/unmodelled.py -> diagnosis/localization/evidence.py",
 }
 
+# Imports inside a room that close a circle; to be emptied.
+CIRCULAR: set[str] = {"diagnosis/data/check.py -> diagnosis/data/campaign.py"}
+
 
 def name(file: Path) -> str:
     return file.relative_to(PACKAGE).as_posix()
@@ -142,12 +145,14 @@ def test_imports_point_downward() -> None:
     assert sorted(upward() - UPWARD) == []
 
 
-def test_every_upward_import_that_is_listed_still_occurs() -> None:
+def test_every_import_that_is_listed_still_occurs() -> None:
     assert sorted(UPWARD - upward()) == []
+    assert [pair for pair in CIRCULAR if pair.split(" -> ")[1] not in IMPORTS[pair.split(" -> ")[0]]] == []
 
 
 def test_no_circle_of_imports() -> None:
-    downward = {f: {o for o in others if f"{f} -> {o}" not in UPWARD} for f, others in IMPORTS.items()}
+    open_ = UPWARD | CIRCULAR
+    downward = {f: {o for o in others if f"{f} -> {o}" not in open_} for f, others in IMPORTS.items()}
     try:
         list(TopologicalSorter(downward).static_order())
     except CycleError as error:

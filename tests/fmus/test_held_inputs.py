@@ -186,7 +186,7 @@ def rms(x: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("h", [2.5e-4, 5e-4, 1e-3])
 def test_a_plain_master_agrees_with_our_adaptive_solution(make: Make, h: float, sequential: bool) -> None:
     """through the gap both ways, gripped and released by the brake"""
-    from cobot_joint.cosim import Simulation
+    from cobot_joint.cosim import Experiment, Simulation
     from cobot_joint.system import Inputs, load_system
 
     time = np.array([0, 0.3, 1.0, 1.3, 1.6, 2.0, 2.5])
@@ -194,7 +194,7 @@ def test_a_plain_master_agrees_with_our_adaptive_solution(make: Make, h: float, 
     amperes = np.array([0.0, 0.0, 0.8, 0.8, 0.2, 0.6, 0.0])
     system = load_system("joint")
     with Simulation(system) as simulation:
-        result = simulation.run(Inputs(time, {"v_command": volts, "i_brake": amperes}), 2.5)
+        result = simulation.run(Experiment(Inputs(time, {"v_command": volts, "i_brake": amperes}), 2.5))
     ours = np.column_stack([result.signals["i_motor"], result.signals["w_motor"]])[1:]
     plain = plain_master(
         make, h, 2.5, lambda t: (float(np.interp(t, time, volts)), float(np.interp(t, time, amperes)), 0.0), sequential

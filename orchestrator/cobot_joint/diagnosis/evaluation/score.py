@@ -153,7 +153,7 @@ def places(effect: Mapping[str, Any]) -> tuple[bool, set[str]]:
 def accepted(effect: Mapping[str, Any]) -> set[str]:
     """Terms that name an effect, and base parameters outside their tolerance where that is what it amounts to."""
     alike = set(OUT_OF_TOLERANCE.get(effect["name"], ()))
-    if 0 < effect["parameters"].get("x_thin_T", 0) < ALWAYS_THIN:
+    if 0 < effect.get("parameters", {}).get("x_thin_T", 0) < ALWAYS_THIN:
         alike |= {"motor_bldc.friction.d", "planetary_gear.friction.d"}
     return alike.union(effect["accept"])
 

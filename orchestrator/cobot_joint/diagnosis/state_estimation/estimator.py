@@ -26,6 +26,7 @@ START = 0.01  # 1 sigma of the states at the start, in their nominal values
 DRIFT = 1e-5  # the same that they gather in a second beside the latent forces: linearisation is not exact
 CHANGE = (1e-2, 1e2)  # of a latent's variance in one round
 FASTER = 1.5  # power of that change, since what is not needed fades slowly
+SILENT = 1e-12  # of what pulls at a latent that no channel shows, rounding alone
 
 
 @dataclass(frozen=True)
@@ -151,7 +152,8 @@ class StateEstimator:
         """
         steps = tracked.steps[rows]
         found = backward(steps, self._filter(steps, tracked.recording.step))
-        gain = np.sum(found.a[1:, self.d] ** 2, axis=0) / np.maximum(np.sum(found.M[1:, self.d], axis=0), 1e-300)
+        pull, certain = np.sum(found.a[1:, self.d] ** 2, axis=0), np.sum(found.M[1:, self.d], axis=0)
+        gain = np.divide(pull, certain, out=np.zeros_like(pull), where=certain > SILENT * pull)
         factors = np.clip(gain, *CHANGE) ** (FASTER / 2)
         return self.with_latents(
             [replace(d, sigma=d.sigma * float(f)) for d, f in zip(self.latents, factors, strict=True)]

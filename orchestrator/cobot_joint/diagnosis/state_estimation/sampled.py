@@ -49,6 +49,7 @@ class SampledSystem:
         self.channels = tuple(channels)
         self.values, self.onsets = dict(values or {}), dict(onsets or {})
         self.nominal = np.array([s.nominal for s in states])
+        self._bounds = np.array([s.lower for s in states]), np.array([s.upper for s in states])
         self.simulation = Simulation(system)
         real = {c.name: {v.name for v in c.unit.variables.values() if v.type == "Real"} for c in system.components}
         into = [c for c in system.connections if c.sink_component and c.sink in real[c.sink_component]]
@@ -85,7 +86,7 @@ class SampledSystem:
         """
         step = float(time[-1] - time[0]) / (len(time) - 1)
         # an estimate may lie beyond what a unit lets a state start at: a brake's torque a little below 0
-        states = {s.name: float(np.clip(v, s.lower, s.upper)) for s, v in zip(self.states, x, strict=True)}
+        states = {s.name: float(v) for s, v in zip(self.states, np.clip(x, *self._bounds), strict=True)}
         experiment = Experiment(
             Inputs(time, dict(inputs)),
             float(time[-1]) + 0.1 * step,
@@ -98,7 +99,8 @@ class SampledSystem:
         result = self.simulation.run(experiment)
         n = len(time)
         found = {name: series[:n] for name, series in result.signals.items()}
-        x = np.column_stack([found[s.name] for s in self.states]) if self.states else np.zeros((n, 0))
+        # and so may what an integrator overshoots by: a drive's heat count, used up within a step
+        x = np.column_stack([found[s.name] for s in self.states]).clip(*self._bounds) if states else np.zeros((n, 0))
         return Piece(time, x, np.column_stack([found[c] for c in self.channels]), dict(inputs), found)
 
     def values_of(self, component: str, t: float) -> dict[str, Value]:

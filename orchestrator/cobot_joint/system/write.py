@@ -164,9 +164,9 @@ def _parameter(
     parent: etree._Element, component: Component, name: str, value: Value, used: dict[str, BaseUnit]
 ) -> None:
     variable, unit = component.unit.variables[name], component.unit.unit_of(name)
-    if variable.type == "Enumeration" and variable.declaredType:
-        item = next(i for i in variable.declaredType.items if int(i.value) == value)
-        etree.SubElement(parent, _tag("ssv", "Enumeration"), value=str(item.name))
+    if variable.type == "Enumeration":
+        item = next(item for item, n in component.unit.choices_of(name).items() if n == value)
+        etree.SubElement(parent, _tag("ssv", "Enumeration"), value=item)
         return
     text = _number(value) if variable.type == "Real" else str(value).lower()
     typed = etree.SubElement(parent, _tag("ssv", variable.type), value=text)

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from cobot_joint.cosim import native, reference
 from cobot_joint.cosim.clock import Clock, make_clock, turns
-from cobot_joint.cosim.energy import mechanical_connections, works
+from cobot_joint.cosim.energy import mechanical_connections, unmeasured, works
 from cobot_joint.cosim.experiment import Experiment
+from cobot_joint.cosim.foreign.step_choice import PROBE, choose_step
 from cobot_joint.cosim.initialise import initialise
 from cobot_joint.cosim.instances import Instance, check_parameters
 from cobot_joint.cosim.plan import make_plan
@@ -37,6 +38,7 @@ class Master(Protocol):
     def advance(self, tick: int, rows: Rows) -> None: ...
     def record(self, row: Rows) -> None: ...
     def counters(self) -> dict[str, int]: ...
+    def works(self) -> list[tuple[float, float]]: ...
     def close(self) -> None: ...
 
 
@@ -66,7 +68,8 @@ class Simulation:
         self._instances: dict[str, Instance] = {}
         self._order = initial_order(system)
         self._tables: dict[object, tuple[native.Tables, dict[str, str | None]]] = {}
-        self._flanges = mechanical_connections(system)
+        self._connections = mechanical_connections(system)
+        self._measured = [(0.0, 0.0)] * len(unmeasured(self._connections))
         try:
             for component in system.components:
                 self._instances[component.name] = Instance(component)
@@ -98,7 +101,7 @@ class Simulation:
 
         UserError: a name, value or time that is wrong. SimulationError: a unit fails.
         """
-        with self._prepared(experiment) as run:
+        with self._prepared(self._coupled(experiment)) as run:
             table = np.empty((run.clock.rows, len(run.names)))
             for first in range(0, run.clock.rows, ROWS_PER_CHUNK):
                 self._fill(run, first, table[first : first + ROWS_PER_CHUNK], progress)
@@ -111,7 +114,7 @@ class Simulation:
 
         Each piece's `energy` is that from the start to the piece's end.
         """
-        with self._prepared(experiment) as run:
+        with self._prepared(self._coupled(experiment)) as run:
             for first in range(0, run.clock.rows, rows_per_chunk):
                 rows = np.empty((min(rows_per_chunk, run.clock.rows - first), len(run.names)))
                 self._fill(run, first, rows, progress)
@@ -119,7 +122,7 @@ class Simulation:
 
     def energy(self) -> dict[str, tuple[float, float, float]]:
         """Mechanical connection -> (work given, work taken, integral of |power given|) since the run's start, J."""
-        return works(self._flanges, self._instances)
+        return works(self._connections, self._instances, self._measured)
 
     @contextmanager
     def _prepared(self, e: Experiment) -> Iterator[_Run]:
@@ -145,13 +148,27 @@ class Simulation:
         finally:
             master.close()
 
-    def _scheme(self, scheme: str | Scheme | None) -> Scheme:
+    def _coupled(self, e: Experiment) -> Experiment:
+        """With scheme and step. Where neither is given and a unit cannot take a step back, the step is estimated."""
         own = self.system.default_experiment
-        if scheme is None and own.scheme is None:
-            able = all(i.rolls_back and i.varies_step for i in self._instances.values())
-            return scheme_of(DEFAULT if able else WITHOUT_ROLLBACK)
+        if e.scheme is not None or own.scheme is not None:
+            return e
+        if all(i.rolls_back and i.varies_step for i in self._instances.values()):
+            return replace(e, scheme=DEFAULT)
+        e = replace(e, scheme=WITHOUT_ROLLBACK)
+        if e.step is not None:
+            return e
+        start = replace(e, stop_time=min(e.stop_time, e.start_time + PROBE))
+        longest = make_clock(scheme_of(WITHOUT_ROLLBACK), e.start_time, e.stop_time, None, e.output_step).step
+        plan = self._table(e, scheme_of(WITHOUT_ROLLBACK), dense=False)[0].plan
+        nominal = dict(zip(plan.names, map(plan.nominal_of, plan.recorded), strict=True))
+        return replace(e, step=choose_step(lambda step: self.run(replace(start, step=step)), longest, nominal))
+
+    def _scheme(self, scheme: str | Scheme | None) -> Scheme:
+        """UserError: there is none of that name."""
         if scheme is not None:
             return scheme_of(scheme)
+        own = self.system.default_experiment
         chosen = scheme_of(str(own.scheme))
         return replace(chosen, step=own.step) if own.step else chosen
 
@@ -202,6 +219,7 @@ class Simulation:
     def _result(self, run: _Run, first: int, rows: Rows) -> Result:
         signals = {name: np.ascontiguousarray(rows[:, j]) for j, name in enumerate(run.names)}
         times = run.clock.times(first, first + len(rows))
+        self._measured = run.master.works()
         step = run.clock.step * run.clock.stride
         return Result(times, signals, self.energy(), run.scheme.name, step, dict(run.units))
 

@@ -50,6 +50,7 @@ Examples:
   cobot-joint run load_mr_brake --set stop_time=5 --set motor_bldc.winding.R=0.22
   cobot-joint run no_load --level comprehensive --scheme iterative --step 1e-3
   cobot-joint run load_mr_brake --unit planetary_gear=my_gear.fmu
+  cobot-joint run load_mr_brake --unit planetary_gear=my_gear.fmu:tau=tau_m,w_o=-speed,J_coupled=
   cobot-joint run my_system.ssp --out results/mine
 
 \b
@@ -115,7 +116,10 @@ class Changes:
     ] = None
     unit: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=FILE", help="An FMU in the place of a component's own; repeatable."),
+        typer.Option(
+            metavar="NAME=FILE[:PORTS]",
+            help="An FMU in a component's place; PORTS where its names differ: tau=tau_m,w=-speed; repeatable.",
+        ),
     ] = None
     level: Annotated[
         str | None, typer.Option(help="transfer_function, averaged, simscape or comprehensive: the motor's model.")

@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cobot_joint.api import run
 from cobot_joint.cosim import Experiment, simulate
 from cobot_joint.results.result import Result
 from cobot_joint.scenario.model import TimeScenario, load_scenario
-from cobot_joint.system import System, load_system, with_units
+from cobot_joint.system import Inputs, System, load_system, with_units
 
 MakeGear = Callable[..., Path]
 STOP = 3.0
@@ -75,6 +76,27 @@ def test_work_at_ports_without_flanges_is_measured(foreign_gear: MakeGear, units
         assert abs(result.energy_residual(name)) < 1e-3
         if "w" not in units or units["w"] is None:  # its equations take rad/s, whatever it says
             assert result.energy[name][0] == pytest.approx(ours.energy[our_name][0], rel=0.25)  # it has less friction
+
+
+@pytest.mark.parametrize("flipped", ["tau=-tau", "tau_s=-tau_s"])
+def test_work_is_counted_in_one_sign_where_a_unit_has_the_other(foreign_gear: MakeGear, flipped: str) -> None:
+    system = with_units(load_system("joint"), {"planetary_gear": f"{foreign_gear()}:{flipped}"})
+    drive = Inputs(np.array([0.0, 0.1]), {"v_command": np.array([0.0, 12.0])})
+    result = simulate(system, Experiment(drive, 0.3, scheme="gauss_seidel_extrapolated", step=1e-4))
+    for name, (_, _, absolute) in result.energy.items():
+        assert absolute > 0
+        assert abs(result.energy_residual(name)) < 1e-2, name
+
+
+def test_energy_that_gets_lost_is_said_aloud(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING, "cobot_joint"):
+        run("joint", replace(loaded(), scheme="jacobi"))
+        lost = caplog.text
+        caplog.clear()
+        run("joint", loaded())
+    assert "motor_bldc.shaft -> planetary_gear.input: " in lost
+    assert "J were given and " in lost
+    assert caplog.text == ""
 
 
 @pytest.mark.parametrize("can", [{}, {"canHandleVariableCommunicationStepSize": False}])

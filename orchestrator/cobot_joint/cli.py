@@ -62,6 +62,17 @@ Coupling schemes:
   adaptive                   step controlled by the coupling error (default)
 """
 
+CHECK_HELP = """Whether an FMU of yours can take a component's place, and what it lacks.
+
+Looks at its ports, runs it alone, and says in words what is missing: `no` means that it cannot be used as it is (exit
+status 1), `lacks` that something is done without, and what that costs.
+
+\b
+Examples:
+  cobot-joint check my_gear.fmu --as planetary_gear
+  cobot-joint check my_gear.fmu:tau=tau_m,w_o=-speed,J_coupled= --as planetary_gear
+"""
+
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
@@ -169,7 +180,7 @@ def common(
     version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show it.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but errors.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Trace an error to where it arose.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="run, demo, export: say it as JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="run, demo, check, export: say it as JSON.")] = False,
 ) -> None:
     """What holds for every command."""
     output.verbose, output.as_json = verbose, as_json
@@ -211,6 +222,25 @@ def export(
     for file in files:
         console.print(file, soft_wrap=True)
     say_json({"files": [str(file) for file in files]})
+
+
+@app.command(help=CHECK_HELP)
+def check(
+    fmu: Annotated[str, typer.Argument(metavar="FMU[:PORTS]", help="An FMU; PORTS where its names differ.")],
+    place: Annotated[str, typer.Option("--as", metavar="NAME", help="The component in whose place it would come.")],
+    system: Annotated[str, typer.Option(help="A system by name, or an .ssd or .ssp file.")] = "joint",
+) -> None:
+    """See CHECK_HELP."""
+    from cobot_joint.cosim.foreign.standalone import examine
+    from cobot_joint.scenario.report import Table
+    from cobot_joint.system import load_system
+
+    findings = examine(load_system(system), place, fmu)
+    rows = [(f.verdict, f.what, f.detail) for f in findings]
+    console.print(_grid(Table(f"{fmu} as {place} of {system}", ["", "looked at", "found"], rows)))
+    say_json({"findings": [{"verdict": v, "what": what, "detail": detail} for v, what, detail in rows]})
+    if "no" in {f.verdict for f in findings}:
+        raise typer.Exit(1)
 
 
 def run_and_show(scenario: str, out: Path | None, changes: Changes) -> Report:
@@ -286,8 +316,9 @@ def _pairs(option: str, texts: list[str] | None, allowed: str) -> dict[str, str]
 def _grid(table: Table) -> Grid:
     grid = Grid(title=escape(table.title), title_justify="left", title_style="bold")
     for k, name in enumerate(table.headers):
-        text = any(isinstance(row[k], str) for row in table.rows)
-        grid.add_column(escape(name), justify="left" if text and k == 0 else "right", overflow="fold")
+        texts = [isinstance(row[k], str) for row in table.rows]
+        left = all(texts) or (k == 0 and any(texts))
+        grid.add_column(escape(name), justify="left" if left else "right", overflow="fold")
     for row in table.rows:
         grid.add_row(*(escape(cell) if isinstance(cell, str) else f"{cell:.5g}" for cell in row))
     return grid

@@ -59,11 +59,12 @@ def foreign_gear(foreign_gear_library: Path, tmp_path: Path) -> MakeGear:
         names: Mapping[str, str] = MappingProxyType({}),
         units: Mapping[str, str | None] = MappingProxyType({}),
         without: tuple[str, ...] = (),
+        library: str = "foreign_gear",
         **can: bool,
     ) -> Path:
         path = tmp_path / f"{name}.fmu"
         with zipfile.ZipFile(path, "w") as archive:
-            archive.writestr("modelDescription.xml", _description(names, units, without, can))
+            archive.writestr("modelDescription.xml", _description(names, units, without, library, can))
             archive.write(foreign_gear_library, f"binaries/{fmpy.platform}/{foreign_gear_library.name}")
         return path
 
@@ -71,7 +72,11 @@ def foreign_gear(foreign_gear_library: Path, tmp_path: Path) -> MakeGear:
 
 
 def _description(
-    names: Mapping[str, str], units: Mapping[str, str | None], without: tuple[str, ...], can: Mapping[str, bool]
+    names: Mapping[str, str],
+    units: Mapping[str, str | None],
+    without: tuple[str, ...],
+    library: str,
+    can: Mapping[str, bool],
 ) -> str:
     flags = {"canHandleVariableCommunicationStepSize": True, **can}
     variables, outputs = [], []
@@ -91,6 +96,6 @@ def _description(
     capabilities = " ".join(f'{flag}="{str(value).lower()}"' for flag, value in flags.items())
     return f"""<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="foreign_gear" guid="foreign_gear">
-<CoSimulation modelIdentifier="foreign_gear" {capabilities}/><UnitDefinitions>{defined}</UnitDefinitions>
+<CoSimulation modelIdentifier="{library}" {capabilities}/><UnitDefinitions>{defined}</UnitDefinitions>
 <ModelVariables>{"".join(variables)}</ModelVariables><ModelStructure><Outputs>{"".join(outputs)}</Outputs>
 <InitialUnknowns>{"".join(outputs)}</InitialUnknowns></ModelStructure></fmiModelDescription>"""

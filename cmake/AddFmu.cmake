@@ -75,8 +75,8 @@ function(add_fmu name)
     COMMAND ${CMAKE_COMMAND} -E copy_if_different ${physics} ${tree}/fmu/sources/${name}
     COMMAND ${CMAKE_COMMAND} -E copy_if_different ${CMAKE_SOURCE_DIR}/LICENSE ${tree}/fmu/documentation
     COMMAND ${CMAKE_COMMAND} -E copy_if_different ${icon} ${tree}/fmu
-    COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/cmake/pack.py ${tree}/fmu ${FMU_OUTPUT_DIR}/${name}.fmu
-    DEPENDS ${name} describe_${name} ${physics} ${FMI2_GLUE} ${FRICTION} ${icon} ${CMAKE_SOURCE_DIR}/cmake/pack.py
+    COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/orchestrator/cobot_joint/pack.py ${tree}/fmu ${FMU_OUTPUT_DIR}/${name}.fmu
+    DEPENDS ${name} describe_${name} ${physics} ${FMI2_GLUE} ${FRICTION} ${icon} ${CMAKE_SOURCE_DIR}/orchestrator/cobot_joint/pack.py
             ${tree}/fmu/sources/all.c ${tree}/fmu/sources/buildDescription.xml
     COMMAND_EXPAND_LISTS VERBATIM
     COMMENT "${name}.fmu")

@@ -14,7 +14,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
-from functools import partial, wraps
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
@@ -27,7 +27,7 @@ from rich.table import Table as Grid
 from cobot_joint.diagnosis import commands as diagnosis
 from cobot_joint.diagnosis import own_bench
 from cobot_joint.errors import UserError, among
-from cobot_joint.files import results_folder, what_is_missing, write_atomically
+from cobot_joint.files import results_folder, what_is_missing
 from cobot_joint.interrupts import Interrupted, interruptible
 from cobot_joint.version import __version__
 
@@ -208,17 +208,22 @@ def demo(out: Annotated[Path, typer.Option(help="Folder for the results.")] = Pa
 def export(
     out: Annotated[Path, typer.Option(help="Folder to write to.")] = Path("export"),
     system: Annotated[str, typer.Option(help="A shipped system by name, or an .ssd or .ssp file.")] = "joint",
+    all_platforms: Annotated[
+        bool, typer.Option("--all-platforms", help="Compile the units for Linux, Windows and macOS (needs ziglang).")
+    ] = False,
+    flat_names: Annotated[
+        bool, typer.Option("--flat-names", help="friction_tau_C for friction.tau_C: some importers take no dots.")
+    ] = False,
 ) -> None:
     """The units as FMUs, and the system as one .ssp, for other simulators."""
-    from cobot_joint.system import fmu_names, load_system, write_ssp
+    from cobot_joint.system import fmu_names, load_system, write_fmus, write_ssp
+    from cobot_joint.system.flat_names import flatten
+    from cobot_joint.system.platforms import compile_for_all
 
-    loaded = load_system(system)
-    results_folder(out)
-    files, names = [], fmu_names(loaded)
-    for name, path in {names[c.name]: c.unit.path for c in loaded.components}.items():
-        write_atomically(out / name, partial(_copy, path))
-        files.append(out / name)
-    files.append(write_ssp(loaded, out / f"{loaded.name}.ssp"))
+    wanted = [change for change, asked in ((flatten, flat_names), (compile_for_all, all_platforms)) if asked]
+    exported = write_fmus(load_system(system), results_folder(out), wanted)
+    files = [out / name for name in dict.fromkeys(fmu_names(exported).values())]
+    files.append(write_ssp(exported, out / f"{exported.name}.ssp"))
     for file in files:
         console.print(file, soft_wrap=True)
     say_json({"files": [str(file) for file in files]})
@@ -279,10 +284,6 @@ def list_scenarios() -> None:
         settings = ", ".join(f"{name}={value}" for name, value in settings_of(scenario).items())
         grid.add_row(scenario.name, escape(scenario.title), escape(settings))
     console.print(grid)
-
-
-def _copy(source: Path, file: Path) -> None:
-    file.write_bytes(source.read_bytes())
 
 
 def say_json(content: object) -> None:

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import re
+import shutil
+import tempfile
 import zipfile
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from itertools import chain, count
 from pathlib import Path
 
@@ -14,9 +18,12 @@ from lxml import etree
 from cobot_joint import xml
 from cobot_joint.errors import UserError
 from cobot_joint.files import write_atomically
+from cobot_joint.pack import pack
+from cobot_joint.system.flat_names import flat
 from cobot_joint.system.model import Component, Connection, Connector, System, Value
 from cobot_joint.system.read import COUPLING, NS
 from cobot_joint.system.wiring import EXPONENTS, Wiring, check, conversion, port_type
+from cobot_joint.units import Unit, load_unit
 
 
 def write_ssd(system: System, path: Path) -> Path:
@@ -49,6 +56,34 @@ def write_ssp(system: System, path: Path) -> Path:
 
     write_atomically(path, write)
     return path
+
+
+def write_fmus(system: System, folder: Path, changes: Sequence[Callable[[Path], None]] = ()) -> System:
+    """The system's FMUs in a folder, and the system with these. `changes`: what is done to each, unpacked.
+
+    UserError: an FMU is not what a change needs.
+    """
+    names = fmu_names(system)
+    for name, unit in {names[c.name]: c.unit for c in system.components}.items():
+        write_atomically(folder / name, partial(_write_changed, unit, changes))
+    components = []
+    for c in system.components:
+        unit = load_unit(folder / names[c.name])
+        parameters = {n if n in unit.variables else flat(n): value for n, value in c.parameters.items()}
+        components.append(replace(c, source=names[c.name], unit=unit, parameters=parameters))
+    return replace(system, components=tuple(components))
+
+
+def _write_changed(unit: Unit, changes: Sequence[Callable[[Path], None]], file: Path) -> None:
+    if not changes:
+        shutil.copyfile(unit.path, file)
+        return
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary, "fmu")
+        shutil.copytree(unit.directory, folder)
+        for change in changes:
+            change(folder)
+        pack(folder, file)
 
 
 def fmu_names(system: System) -> dict[str, str]:

@@ -167,6 +167,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean keeps
   if (status != fmi2OK && status != fmi2Warning) return status;
   if (fabs(t - V(c)->time) > 1e-9) return fmi2Error; /* a master that lost count */
   values *v = V(c);
+  v->time = t;
   advance(v, h);
   for (size_t i = 0; i < REALS; i++) /* slope[0]: at the end of the step */
     v->slope[i][0] = v->slope[i][1] + h * (v->slope[i][2] + h * v->slope[i][3] / 2);

@@ -14,6 +14,7 @@ import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
+from enum import Enum
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
@@ -83,6 +84,14 @@ app = typer.Typer(
 console = Console()
 if not console.is_terminal and "COLUMNS" not in os.environ:
     console = Console(width=200)  # for a file or another program: a row is a line
+
+
+class Importer(Enum):
+    """For whom a system is exported."""
+
+    ANY = "any"
+    ECOS = "ecos"
+    LIBCOSIM = "libcosim"
 
 
 @dataclass
@@ -214,15 +223,23 @@ def export(
     flat_names: Annotated[
         bool, typer.Option("--flat-names", help="friction_tau_C for friction.tau_C: some importers take no dots.")
     ] = False,
+    importer: Annotated[
+        Importer, typer.Option("--for", help="ecos and libcosim take no wires at the system's own connectors.")
+    ] = Importer.ANY,
 ) -> None:
     """The units as FMUs, and the system as one .ssp, for other simulators."""
-    from cobot_joint.system import fmu_names, load_system, write_fmus, write_ssp
+    from cobot_joint.system import fmu_names, load_system, without_own_wires, write_fmus, write_ssp
     from cobot_joint.system.flat_names import flatten
+    from cobot_joint.system.osp import write_osp
     from cobot_joint.system.platforms import compile_for_all
 
     wanted = [change for change, asked in ((flatten, flat_names), (compile_for_all, all_platforms)) if asked]
     exported = write_fmus(load_system(system), results_folder(out), wanted)
     files = [out / name for name in dict.fromkeys(fmu_names(exported).values())]
+    if importer is Importer.LIBCOSIM:
+        files.append(write_osp(exported, out / "OspSystemStructure.xml"))
+    if importer is not Importer.ANY:
+        exported = without_own_wires(exported)
     files.append(write_ssp(exported, out / f"{exported.name}.ssp"))
     for file in files:
         console.print(file, soft_wrap=True)

@@ -19,9 +19,11 @@ from cobot_joint import xml
 from cobot_joint.errors import UserError
 from cobot_joint.files import write_atomically
 from cobot_joint.pack import pack
+from cobot_joint.system.annotations import PREFIXES, annotate_experiment, annotate_system
 from cobot_joint.system.flat_names import flat
+from cobot_joint.system.geometry import connector_point, element_box, system_box
 from cobot_joint.system.model import Component, Connection, Connector, System, Value
-from cobot_joint.system.read import COUPLING, NS
+from cobot_joint.system.read import NS
 from cobot_joint.system.wiring import EXPONENTS, Wiring, check, conversion, port_type
 from cobot_joint.units import Unit, load_unit
 
@@ -110,14 +112,18 @@ def describe(system: System, sources: Mapping[str, str]) -> bytes:
     """The SystemStructureDescription, held against SSP's schema."""
     check(system)
     units = _units(system)
-    root = etree.Element(_tag("ssd", "SystemStructureDescription"), nsmap=NS, version="1.0", name=system.name)
+    root = etree.Element(
+        _tag("ssd", "SystemStructureDescription"), nsmap=NS | PREFIXES, version="1.0", name=system.name
+    )
     element = etree.SubElement(root, _tag("ssd", "System"), name=system.name)
     connectors = [*system.inputs.values(), *system.outputs.values()]
     _connectors(element, connectors)
     elements = etree.SubElement(element, _tag("ssd", "Elements"))
-    for component in system.components:
+    ports = [_ports(component, system) for component in system.components]
+    for place, component in enumerate(system.components):
         node = etree.SubElement(elements, _tag("ssd", "Component"), name=component.name, source=sources[component.name])
-        _connectors(node, _ports(component, system))
+        _connectors(node, ports[place])
+        etree.SubElement(node, _tag("ssd", "ElementGeometry"), element_box(place, ports[place]))
         if component.parameters:
             bindings = etree.SubElement(node, _tag("ssd", "ParameterBindings"))
             binding = etree.SubElement(bindings, _tag("ssd", "ParameterBinding"))
@@ -127,6 +133,8 @@ def describe(system: System, sources: Mapping[str, str]) -> bytes:
         wires = etree.SubElement(element, _tag("ssd", "Connections"))
         for connection in system.connections:
             _connection(wires, connection, wiring)
+    etree.SubElement(element, _tag("ssd", "SystemGeometry"), system_box(ports))
+    annotate_system(element, system.default_experiment)
     if units:
         _write_units(etree.SubElement(root, _tag("ssd", "Units")), units)
     experiment = system.default_experiment
@@ -134,11 +142,14 @@ def describe(system: System, sources: Mapping[str, str]) -> bytes:
         root, _tag("ssd", "DefaultExperiment"),
         startTime=_number(experiment.start_time), stopTime=_number(experiment.stop_time),
     )  # fmt: skip
-    coupling = {"scheme": experiment.scheme, "step": _number(experiment.step) if experiment.step else None}
-    if given := {name: value for name, value in coupling.items() if value is not None}:
-        annotations = etree.SubElement(node, _tag("ssd", "Annotations"))
-        etree.SubElement(etree.SubElement(annotations, _tag("ssc", "Annotation"), type=COUPLING), "coupling", given)
+    annotate_experiment(node, experiment)
     return _text(root, "SystemStructureDescription", Path(f"{system.name}.ssd"))
+
+
+def without_own_wires(system: System) -> System:
+    """For importers that stumble over wires at a system's connectors: what these drive is set by its own name there."""
+    inner = tuple(c for c in system.connections if c.source_component and c.sink_component)
+    return replace(system, connections=inner, inputs={}, outputs={})
 
 
 def _connectors(parent: etree._Element, connectors: list[Connector]) -> None:
@@ -152,6 +163,7 @@ def _connectors(parent: etree._Element, connectors: list[Connector]) -> None:
         typed = etree.SubElement(node, _tag("ssc", c.type))
         if c.type == "Real" and c.unit:
             typed.set("unit", c.unit)
+        etree.SubElement(node, _tag("ssd", "ConnectorGeometry"), connector_point(c, connectors))
 
 
 def _ports(component: Component, system: System) -> list[Connector]:

@@ -26,15 +26,8 @@ LIMITS = {2e-4: (1e-3, 0.05), 1e-3: (5e-2, 5.0)}  # step, s: rms of the motor's 
 ABSENT = 77
 
 
-MAESTRO_AT_1_MS = pytest.param(
-    "maestro", 1e-3, marks=pytest.mark.xfail(reason="6.5e-2 A, though it steps as the others do: not understood")
-)
-
-
-@pytest.mark.parametrize(
-    ("name", "step"),
-    [(name, step) for name in PEERS for step in LIMITS if (name, step) != ("maestro", 1e-3)] + [MAESTRO_AT_1_MS],
-)
+@pytest.mark.parametrize("step", LIMITS)
+@pytest.mark.parametrize("name", PEERS)
 def test_the_joint_couples_in_a_master_that_holds_inputs(name: str, step: float, tmp_path: Path) -> None:
     try:
         peer = Peer(name, PYTHON)

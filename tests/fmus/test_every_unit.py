@@ -270,6 +270,17 @@ def test_reset_starts_over(make: Make, name: str) -> None:
     np.testing.assert_array_equal(excite(slave), first)
 
 
+def test_no_unit_is_integrated_more_loosely_than_is_sound(make: Make, name: str) -> None:
+    """whatever a master suggests: Maestro gives 0.1 unasked"""
+    np.testing.assert_array_equal(excite(make(name, tolerance=0.1)), excite(make(name, tolerance=1e-4)))
+
+
+def test_a_tighter_tolerance_counts(make: Make) -> None:
+    assert not np.array_equal(
+        excite(make("planetary_gear", tolerance=1e-9)), excite(make("planetary_gear", tolerance=1e-4))
+    )
+
+
 def test_output_derivatives_are_those_of_the_outputs(load: Load, make: Make, name: str) -> None:
     """against the outputs a few microseconds before and after; what jumps by design is left out"""
     jumps = {"motor_bldc": {"w_reading", "i_a", "i_b", "i_c", "e_a", "e_b", "e_c"}}

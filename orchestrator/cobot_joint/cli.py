@@ -217,6 +217,9 @@ def demo(out: Annotated[Path, typer.Option(help="Folder for the results.")] = Pa
 def export(
     out: Annotated[Path, typer.Option(help="Folder to write to.")] = Path("export"),
     system: Annotated[str, typer.Option(help="A shipped system by name, or an .ssd or .ssp file.")] = "joint",
+    unit: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="A shipped unit that the system does not hold; repeatable.")
+    ] = None,
     all_platforms: Annotated[
         bool, typer.Option("--all-platforms", help="Compile the units for Linux, Windows and macOS (needs ziglang).")
     ] = False,
@@ -228,14 +231,16 @@ def export(
     ] = Importer.ANY,
 ) -> None:
     """The units as FMUs, and the system as one .ssp, for other simulators."""
-    from cobot_joint.system import fmu_names, load_system, without_own_wires, write_fmus, write_ssp
+    from cobot_joint.system import fmu_names, load_system, without_own_wires, write_fmu, write_fmus, write_ssp
     from cobot_joint.system.flat_names import flatten
     from cobot_joint.system.osp import write_osp
     from cobot_joint.system.platforms import compile_for_all
+    from cobot_joint.units import find_fmu, load_unit
 
     wanted = [change for change, asked in ((flatten, flat_names), (compile_for_all, all_platforms)) if asked]
     exported = write_fmus(load_system(system), results_folder(out), wanted)
     files = [out / name for name in dict.fromkeys(fmu_names(exported).values())]
+    files += [write_fmu(load_unit(find_fmu(f"{name}.fmu")), out / f"{name}.fmu", wanted) for name in unit or []]
     if importer is Importer.LIBCOSIM:
         files.append(write_osp(exported, out / "OspSystemStructure.xml"))
     if importer is not Importer.ANY:

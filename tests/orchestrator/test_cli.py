@@ -146,6 +146,25 @@ def test_export_holds_the_four_fmus_and_the_system(tmp_path: Path) -> None:
     assert all(c.unit.path.is_relative_to(exported.components[0].unit.path.parent) for c in exported.components)
 
 
+def test_units_of_no_shipped_system_can_be_exported(tmp_path: Path) -> None:
+    done = cobot_joint("export", "--unit", "driven_load", "--unit", "acquisition", "--flat-names", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    for unit in ("driven_load", "acquisition"):
+        description = fmpy.read_model_description(str(tmp_path / "export" / f"{unit}.fmu"))
+        assert not [v.name for v in description.modelVariables if "." in v.name]
+    refused = cobot_joint("export", "--unit", "gear", folder=tmp_path)
+    assert refused.returncode == 2
+    assert "gear.fmu: there is no such FMU" in refused.stderr
+
+
+@pytest.mark.parametrize("importer", ["ecos", "libcosim"])
+def test_export_for_an_importer_leaves_out_what_it_does_not_open(importer: str, tmp_path: Path) -> None:
+    done = cobot_joint("export", "--for", importer, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "export" / "OspSystemStructure.xml").is_file() == (importer == "libcosim")
+    assert not load_system(tmp_path / "export" / "joint.ssp").inputs
+
+
 def test_exported_unit_runs_in_fmpy(tmp_path: Path) -> None:
     cobot_joint("export", folder=tmp_path)
     result = fmpy.simulate_fmu(

@@ -67,13 +67,19 @@ def write_fmus(system: System, folder: Path, changes: Sequence[Callable[[Path], 
     """
     names = fmu_names(system)
     for name, unit in {names[c.name]: c.unit for c in system.components}.items():
-        write_atomically(folder / name, partial(_write_changed, unit, changes))
+        write_fmu(unit, folder / name, changes)
     components = []
     for c in system.components:
         unit = load_unit(folder / names[c.name])
         parameters = {n if n in unit.variables else flat(n): value for n, value in c.parameters.items()}
         components.append(replace(c, source=names[c.name], unit=unit, parameters=parameters))
     return replace(system, components=tuple(components))
+
+
+def write_fmu(unit: Unit, file: Path, changes: Sequence[Callable[[Path], None]] = ()) -> Path:
+    """One FMU, as `write_fmus` writes them."""
+    write_atomically(file, partial(_write_changed, unit, changes))
+    return file
 
 
 def _write_changed(unit: Unit, changes: Sequence[Callable[[Path], None]], file: Path) -> None:

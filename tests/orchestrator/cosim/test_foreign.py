@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from cobot_joint.api import run
-from cobot_joint.cosim import Experiment, simulate
+from cobot_joint.cosim import Experiment, SimulationError, simulate
 from cobot_joint.results.result import Result
 from cobot_joint.scenario.model import TimeScenario, load_scenario
 from cobot_joint.system import Inputs, System, load_system, with_units
@@ -56,6 +56,18 @@ def test_what_does_not_converge_is_said(foreign_gear: MakeGear, caplog: pytest.L
     assert result.step < 8e-6
     assert "halving the step" in caplog.text
     assert "canHandleVariableCommunicationStepSize" in caplog.text
+
+
+def test_a_step_that_is_short_already_is_not_halved(foreign_gear: MakeGear, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING, "cobot_joint"):
+        result = simulate(joint(foreign_gear()), replace(loaded(), stop_time=0.01, output_step=1e-5))
+    assert result.step == pytest.approx(1e-5)
+    assert caplog.text == ""
+
+
+def test_a_unit_that_fails_at_every_step_says_why(make_gain: Callable[..., System]) -> None:
+    with pytest.raises(SimulationError, match=r"gain: fmi2DoStep returned error at t = 0\.5"):
+        simulate(make_gain({"rolls_back": False}, fail_at=0.5), Experiment(Inputs(np.array([0.0])), 1.0))
 
 
 def test_a_given_step_is_taken_as_it_is(foreign_gear: MakeGear) -> None:

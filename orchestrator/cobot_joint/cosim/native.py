@@ -217,6 +217,11 @@ class Master:
         self._library.cosim_counters(self._master, ctypes.byref(counters))
         return {field: getattr(counters, field) for field in _COUNTERS}
 
+    @property
+    def tick(self) -> int:
+        """Communication point that the last whole step ended at."""
+        return int(self._library.cosim_tick(self._master))
+
     def works(self) -> list[tuple[float, float]]:
         """Per port of the plan: work since the start, integral of its power's absolute value; variables' units."""
         n = len(self._tables.ports)
@@ -255,6 +260,8 @@ def _typed_library() -> ctypes.CDLL:
     loaded.cosim_record.argtypes = [c_void_p, c_void_p]
     loaded.cosim_message.argtypes = [c_void_p]
     loaded.cosim_message.restype = c_char_p
+    loaded.cosim_tick.argtypes = [c_void_p]
+    loaded.cosim_tick.restype = c_int64
     loaded.cosim_works.argtypes = [c_void_p, POINTER(c_double), POINTER(c_double)]
     loaded.cosim_works.restype = None
     loaded.cosim_counters.argtypes = [c_void_p, POINTER(_Counters)]

@@ -143,6 +143,8 @@ COSIM_API void cosim_log(fmi2ComponentEnvironment log, fmi2String instance, fmi2
 
 /* Work through every port since tick 0, and the integral of its power's absolute value, in the variables' units. */
 COSIM_API void cosim_works(const Master *m, double *work, double *work_abs);
+/* How far it has got; after an error, to where the last step ended. */
+COSIM_API int64_t cosim_tick(const Master *m);
 COSIM_API const char *cosim_message(const Master *m);
 COSIM_API void cosim_counters(const Master *m, Counters *counters);
 

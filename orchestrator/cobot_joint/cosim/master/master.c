@@ -330,6 +330,8 @@ void cosim_works(const Master *m, double *work, double *work_abs) {
   }
 }
 
+int64_t cosim_tick(const Master *m) { return m->tick; }
+
 const char *cosim_message(const Master *m) { return m->message; }
 
 void cosim_counters(const Master *m, Counters *counters) { *counters = m->count; }

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.cosim import Simulation
+from cobot_joint.cosim.energy import warn_of_residuals
 from cobot_joint.errors import UserError
 from cobot_joint.results.figures import Picture, over_time
 from cobot_joint.results.files import SignalsWriter, columns_of, provenance
@@ -74,6 +75,7 @@ def run_over_time(scenario: TimeScenario, out: Path, options: Options, progress:
             writer.write({"time": last.time, **last.signals})
             digest.take(last.time, last.signals)
         writer.provenance |= {"scheme": last.scheme, "step": last.step, "energy": last.energy}
+    warn_of_residuals(last.energy)
     report = Report(scenario.title or scenario.name)
     report.files[path] = "signals, units and provenance"
     time, drawn = digest.drawn()

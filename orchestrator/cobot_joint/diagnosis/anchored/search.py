@@ -1,0 +1,295 @@
+"""Forward selection along the recorded motion: one term at a time, while the data speak for it beside a background."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cobot_joint.cosim import SimulationError
+from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.anchored.beside import Beside, Candidate
+from cobot_joint.diagnosis.anchored.tracks import Tracker
+from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.findings import Estimate
+from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
+from cobot_joint.diagnosis.plant.plant import PROBE, TermCandidate
+from cobot_joint.diagnosis.plant.plant import SimulationError as RunError
+from cobot_joint.diagnosis.state_estimation.evidence import Effect, combinations
+
+Bounds = Mapping[str, tuple[float, float]]
+Progress = Callable[[str], None]
+SETTLE, RESETTLE = 2, 1  # corrections of the free parameters, from nominal; after a term was added
+FLAT = 1e3  # of a value: 1 sigma that a term's own parameter may be off
+FARTHEST = 0.5  # of a value, that a term's own parameter moves at once
+LEADERS = 4  # candidates whose onsets are looked at
+TRIED = 5  # of those best ranked
+NORMAL = 1.96
+INTERCEPT, COEFFICIENT = -4.0, 2.5  # of the logarithm of the odds, by the decimal logarithm of the evidence
+RIVAL = -1.0  # by the share of it that the best of the others has
+MOST = 0.97
+PROBED = 0.3  # of the noise, that a run is moved by where a term's answer is taken from runs
+
+
+@dataclass(frozen=True)
+class Named:
+    """A term that is on. evidence, predicted: nats; rival: evidence of the best term that could not be called alike."""
+
+    candidate: Candidate
+    alike: tuple[str, ...]
+    rival: float
+    blocks: tuple[float, ...]
+    where: dict[str, object]
+
+    @property
+    def name(self) -> str:
+        """`component.term`, or the base parameter that is outside its tolerance."""
+        return self.candidate.term.name
+
+    @property
+    def evidence(self) -> float:
+        """For it, when it was added."""
+        return self.candidate.evidence
+
+    @property
+    def predicted(self) -> float:
+        """Log likelihood that it adds to blocks that it was not fitted to, the one that gains most left out."""
+        return float(sum(sorted(self.blocks)[:-1]))
+
+
+def confidence(named: Named) -> float:
+    """How often a finding of that much evidence, with a rival of so much, was right among drawn machines."""
+    evidence = max(named.evidence, 1.0)
+    score = INTERCEPT + COEFFICIENT * math.log10(evidence) + RIVAL * max(named.rival, 0.0) / evidence
+    return round(min(1 / (1 + math.exp(-score)), MOST), 3)
+
+
+@dataclass
+class Search:
+    """Values so far: base parameters and terms. history: total evidence before the first term, and after each."""
+
+    values: dict[str, float] = field(default_factory=dict)
+    onsets: dict[str, float] = field(default_factory=dict)
+    own: dict[str, tuple[float, float]] = field(default_factory=dict)  # terms' parameters -> bounds
+    named: list[Named] = field(default_factory=list)
+    linear: list[Candidate] = field(default_factory=list)  # of these, those whose memory a filter's restarts would lose
+    ranking: list[list[tuple[str, float]]] = field(default_factory=list)
+    history: list[float] = field(default_factory=list)
+    calibrated: dict[str, Estimate] = field(default_factory=dict)
+    repaired: dict[str, Estimate] = field(default_factory=dict)
+    groups: dict[tuple[str, str], float] = field(default_factory=dict)  # background: (port, signal) -> 1 sigma
+
+    def supports(self, term: str) -> float:
+        """Confidence in a term that was named, or could not be told from one; 0: neither."""
+        return max((confidence(n) for n in self.named if term in (n.name, *n.alike)), default=0.0)
+
+
+class Searcher:
+    """bounds: base parameters -> what their tolerances allow. terms: what may be named."""
+
+    def __init__(
+        self, plant: FmuPlant, tracker: Tracker, bounds: Bounds, terms: Sequence[TermCandidate], say: Progress
+    ) -> None:
+        self.plant, self.tracker, self.say = plant, tracker, say
+        self.bounds, self.terms = dict(bounds), list(terms)
+        self.outside = [self._as_term(name) for name in bounds]
+
+    def search(self) -> Search:
+        """SimulationError: the recordings cannot be followed."""
+        found = Search()
+        at = self._settle(found, SETTLE)
+        found.calibrated = self._estimates(found, at)
+        while True:
+            found.history.append(at.evidence_in_all)
+            room = len(found.named) < thresholds.MOST_TERMS
+            more = (
+                next(filter(None, (self._added(found, at, n) for n in self._next(found, at))), None) if room else None
+            )
+            if more is None:
+                break
+            found, at = more
+        found.repaired = self._estimates(found, at)
+        sigma = np.sqrt(at.regression.variances)
+        found.groups = {(port, name): float(s) for (port, name, _), s in zip(at.background.groups, sigma, strict=True)}
+        return found
+
+    def _added(self, found: Search, at: Beside, named: Named) -> tuple[Search, Beside] | None:
+        """With a term switched on; None: the recordings are less likely then, its linear share notwithstanding."""
+        self.say(f"{named.name}: evidence {named.evidence:.0f}, left-out parts {named.predicted:.0f}")
+        with_it = self._with(found, named)
+        try:
+            then = self._settle(with_it, RESETTLE)
+        except SimulationError as error:
+            self.say(f"{named.name} cannot be simulated: {error}")
+            return None
+        more = then.evidence_in_all - at.evidence_in_all
+        self.say(f"{named.name}: {more:+.0f} in all")
+        return (with_it, then) if more > 0 else None
+
+    def _settle(self, found: Search, rounds: int) -> Beside:
+        """Follow the recordings, and again with the free parameters where they are most likely."""
+        for n in range(rounds + 1):
+            self.say(f"following the recordings, {n + 1} of {rounds + 1}")
+            trackings = self.tracker.follow(found.values, found.onsets)
+            at = Beside(trackings, self._free(found), self.plant.ports, [c.effect for c in found.linear])
+            if n == rounds:
+                return at
+            for name, (off, _) in at.corrections.items():
+                found.values[name] = self._moved(found, name, off)
+        raise AssertionError
+
+    def _free(self, found: Search) -> dict[str, tuple[float, float]]:
+        free = {}
+        for name, (low, high) in self.bounds.items():
+            if name not in found.own:
+                free[name] = (low + high) / 2 - self._value(found, name), (high - low) / 2
+        for name in found.own:
+            free[name] = 0.0, FLAT * max(abs(self._value(found, name)), 1e-9)
+        return free
+
+    def _moved(self, found: Search, name: str, off: float) -> float:
+        value = self._value(found, name)
+        low, high = found.own.get(name) or self.bounds[name]
+        if name in found.own and name not in self.bounds and not name.endswith(".phi_0"):
+            off = float(np.clip(off, -FARTHEST * abs(value), FARTHEST * abs(value)))
+        return float(np.clip(value + off, low, high))
+
+    def _value(self, found: Search, name: str) -> float:
+        return found.values.get(name, self.plant.parameters[name].nominal)
+
+    def _next(self, found: Search, at: Beside) -> list[Named]:
+        """Terms that the data speak for, best first."""
+        on = {name for named in found.named for name in (named.name, *named.alike)}
+        ranked: list[Candidate] = []
+        pool = [t for t in [*self.terms, *self.outside] if t.name not in on and t.amplitude not in found.own]
+        for n, term in enumerate(pool):
+            self.say(f"{term.name}, {n + 1} of {len(pool)}")
+            candidate = at.candidate(term) or self._by_runs(found, at, term)
+            if candidate is not None and self._allowed(candidate):
+                ranked.append(candidate)
+        ranked.sort(key=lambda c: -c.evidence)
+        leaders = [at.with_onset(c, thresholds.LATER / 2) if c.term in self.terms else c for c in ranked[:LEADERS]]
+        ranked = sorted([*leaders, *ranked[LEADERS:]], key=lambda c: -c.evidence)
+        found.ranking.append([(c.term.name, c.evidence) for c in ranked[:10]])
+        taken = max((named.evidence for named in found.named), default=0.0)
+        least = max(thresholds.ANCHORED_EVIDENCE, thresholds.ANCHORED_LATER * taken)
+        promising: list[Named] = []
+        for n, best in enumerate(ranked[:TRIED]):
+            patch = best.term.name in self.bounds and best.evidence < taken  # of what a term's form leaves
+            if best.evidence < least or patch or any(best.term.name in p.alike for p in promising):
+                continue
+            predicted = at.predicted(best)
+            if predicted.sum() > predicted.max():
+                promising.append(self._named(at, best, ranked[n + 1 :], predicted))
+        return promising
+
+    def _named(self, at: Beside, best: Candidate, others: Sequence[Candidate], predicted: NDArray[np.float64]) -> Named:
+        close = best.evidence - max(thresholds.ANCHORED_ALIKE, thresholds.ANCHORED_ALIKE_SHARE * best.evidence)
+        alike = [c.term.name for c in others if c.evidence > close]
+        rival = max((c.evidence for c in others if c.evidence <= close), default=0.0)
+        return Named(best, tuple(alike), rival, tuple(map(float, predicted)), _where(at, predicted))
+
+    def _by_runs(self, found: Search, at: Beside, term: TermCandidate) -> Candidate | None:
+        """A term with a memory answers to nothing while it is off: what it does to a run, in proportion."""
+        if term.name in self.bounds:
+            return None
+        recordings = [t.tracked.recording for t in at.trackings]
+        base = self._runs(found, recordings, {})
+        probe = PROBE.get(term.unit, PROBE["1"])
+        every = list(combinations(term))
+        if base is None or (far := self._runs(found, recordings, _on(term, every[0], probe))) is None:
+            return None
+        moved = np.concatenate([((b - a) / [n.sigma for n in t.estimator.noise]).ravel()
+                                for a, b, t in zip(base, far, at.trackings, strict=True)])  # fmt: skip
+        size = float(np.sqrt(np.mean(moved**2)))
+        if size == 0:
+            return None
+        probe *= float(np.clip(PROBED / size, 1e-3, 1e3))
+
+        def of(shapes: Sequence[Mapping[str, float]]) -> Effect:
+            runs = [self._runs(found, recordings, _on(term, shape, probe)) or base for shape in shapes]
+            direct = [np.stack([(run[n] - base[n]) / probe for run in runs], axis=2) for n in range(len(recordings))]
+            return Effect([np.zeros((len(d) - 1, t.estimator.x.stop, d.shape[2]))
+                           for d, t in zip(direct, at.trackings, strict=True)], direct)  # fmt: skip
+
+        candidate = at.best(term, every, len(every), of) if term.phase is None else None
+        return candidate and replace(candidate, by_runs=True)
+
+    def _runs(
+        self, found: Search, recordings: Sequence[Recording], more: Mapping[str, float]
+    ) -> list[NDArray[np.float64]] | None:
+        """Per recording, outputs of a free run, (n, channels); None: one came to no end."""
+        results = []
+        for r in recordings:
+            values = {name: value for name, value in {**found.values, **more}.items() if self.plant.has(name, r)}
+            late = {name: t for name, t in found.onsets.items() if name in values}
+            try:
+                outputs = self.plant.simulate(values, r, onsets=late)
+            except RunError:
+                return None
+            results.append(np.column_stack([outputs[channel] for channel in r.outputs]))
+        return results
+
+    def _allowed(self, candidate: Candidate) -> bool:
+        """A base parameter is an answer of its own only outside its tolerance."""
+        name = candidate.term.name
+        if name not in self.bounds:
+            return True
+        low, high = self.bounds[name]
+        sigma = float(np.sqrt(candidate.added.covariance[0, 0]))
+        off = float(candidate.added.coefficients[0])
+        nominal = self.plant.parameters[name].nominal
+        return not low - 2 * sigma < nominal + off < high + 2 * sigma
+
+    def _with(self, found: Search, named: Named) -> Search:
+        """With one term more."""
+        candidate, term = named.candidate, named.candidate.term
+        if candidate.by_runs:
+            return replace(found, linear=[*found.linear, candidate], named=[*found.named, named])
+        own = {term.amplitude: (term.lower, term.upper)} | {
+            s.name: (s.lower, s.upper) for s in term.shapes if not s.whole
+        }
+        own |= {term.phase: (-np.inf, np.inf)} if term.phase is not None else {}
+        late = {term.amplitude: candidate.onset} if candidate.onset is not None else {}
+        return replace(
+            found,
+            values={**found.values, **candidate.values},
+            onsets={**found.onsets, **late},
+            own={**found.own, **own},
+            named=[*found.named, named],
+        )
+
+    def _as_term(self, name: str) -> TermCandidate:
+        """A base parameter as something to be named, its neutral value the present one."""
+        p = self.plant.parameters[name]
+        return TermCandidate(name, name, p.nominal, p.lower, p.upper, p.unit)
+
+    def _estimates(self, found: Search, at: Beside) -> dict[str, Estimate]:
+        """Base parameters and terms' parameters with marginal 95 % intervals."""
+        units = {name: p.unit for name, p in self.plant.parameters.items()}
+        result = {}
+        for name, (_, sigma) in at.corrections.items():
+            value = self._value(found, name)
+            low, high = found.own.get(name) or self.bounds[name]
+            side = "lower" if value <= low else "upper" if value >= high else None
+            interval = value - NORMAL * sigma, value + NORMAL * sigma
+            result[name] = Estimate(value, units.get(name, "1"), interval, side)  # type: ignore[arg-type]
+        for name, value in found.values.items():
+            result.setdefault(name, Estimate(value, units.get(name, "1"), (value, value)))
+        return result
+
+
+def _on(term: TermCandidate, shapes: Mapping[str, float], step: float) -> dict[str, float]:
+    return {**shapes, term.amplitude: float(np.clip(term.neutral + step, term.lower, term.upper))}
+
+
+def _where(at: Beside, predicted: NDArray[np.float64]) -> dict[str, object]:
+    """The recording and the part of it whose likelihood the term raises most."""
+    best = int(np.argmax(predicted))
+    number, rows = at.blocks[best]
+    time = at.trackings[number].tracked.time
+    return {"recording": at.trackings[number].tracked.recording.name, "by_regime": [],
+            "time": [float(time[rows.start]), float(time[rows.stop - 1])]}  # fmt: skip

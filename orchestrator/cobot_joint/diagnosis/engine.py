@@ -150,15 +150,23 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
         return Explanation(calibrated, kept.fit, listed, kept.selected)
     if loads := look_for_external_loads(problem, listed, select, say):
         return Explanation(calibrated, loads.fit, listed, loads.selected, loads)
-    if found := _along_the_motion(campaign, problem, listed, say, store):
-        left, before = problem.excess(listed.fit.residual), problem.excess(calibrated.residual)
-        stands = listed.selected if left < thresholds.REMAINDER * before else []
-        if not stands or found.supports(stands[0].term):
-            return Explanation(calibrated, listed.fit, listed, stands, anchored=found)
-    if unmodelled := look_for_unmodelled(problem, calibrated, listed, say):
+    left, before = problem.excess(listed.fit.residual), problem.excess(calibrated.residual)
+    stands = listed.selected if left < thresholds.REMAINDER * before else []
+    found = _along_the_motion(campaign, problem, listed, say, store)
+    if found and stands and found.supports(stands[0].term):
+        return Explanation(calibrated, listed.fit, listed, stands, anchored=found)
+    unmodelled = look_for_unmodelled(problem, calibrated, listed, say)
+    if unmodelled and (found is None or _down_to_noise(problem, unmodelled.fit)):
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
+    if found and (found.named or not stands):
+        return Explanation(calibrated, listed.fit, listed, [], anchored=found)
     kept = prune(problem, listed)
     return Explanation(calibrated, kept.fit, listed, kept.selected)
+
+
+def _down_to_noise(problem: Problem, fit: Fit) -> bool:
+    """Whether a fit leaves nothing: short of that, a formula may as well follow a background."""
+    return problem.excess(fit.residual) < thresholds.UNDECIDED * problem.excess_scatter
 
 
 def _along_the_motion(
@@ -167,8 +175,7 @@ def _along_the_motion(
     """What the recorded motion says where listed terms leave more than noise; None: they do not, or it says nothing."""
     if problem.excess(listed.fit.residual) < thresholds.CLEARLY_LEFT * problem.excess_scatter:
         return None
-    found = store.remember("anchored", _basis(campaign), lambda: follow(campaign, problem.plant, say))
-    return found if found is not None and found.named else None
+    return store.remember("anchored", _basis(campaign), lambda: follow(campaign, problem.plant, say))
 
 
 def _terms(problem: Problem, only: Sequence[str]) -> list[TermCandidate]:

@@ -23,6 +23,7 @@ def diagnosis(found: Search, units: Mapping[str, str]) -> Diagnosis:
         findings=sorted(findings, key=lambda f: -f.gain),
         calibrated=found.calibrated,
         repaired=repaired,
+        background=found.background,
         ranking=[[Candidate(name, 2 * evidence, {}, None) for name, evidence in rank] for rank in found.ranking],
     )
 

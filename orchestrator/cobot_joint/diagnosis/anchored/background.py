@@ -24,16 +24,22 @@ STANDS = 1e-9  # range of a signal that does not change
 
 @dataclass(frozen=True)
 class Background:
-    """Columns of all its groups, one after the other. groups: (port, signal, number of columns)"""
+    """Columns of all its groups, one after the other.
+
+    groups: (port, signal, number of columns). signals: of each group, what its columns are at the port, of all
+    recordings that have it, (samples, columns).
+    """
 
     effect: Effect
     groups: tuple[tuple[str, str, int], ...]
+    signals: tuple[Array, ...]
 
 
 def background(trackings: Sequence[Tracking], ports: Sequence[Port]) -> Background:
     """Along the recorded motion. ports: of the plant."""
     there = {name for t in trackings for name in t.estimator.ports}
     groups: list[tuple[str, str, int]] = []
+    signals: list[Array] = []
     psi: list[list[Array]] = [[] for _ in trackings]
     direct: list[list[Array]] = [[] for _ in trackings]
     for port in (p for p in ports if p.name in there):
@@ -44,6 +50,8 @@ def background(trackings: Sequence[Tracking], ports: Sequence[Port]) -> Backgrou
             if high - low < STANDS:
                 continue
             groups.append((port.name, name, count))
+            there_is = [x for x in series if x is not None]
+            signals.append(np.concatenate([_bells(x, float(low), float(high), count) for x in there_is]))
             for n, (t, x) in enumerate(zip(trackings, series, strict=True)):
                 samples = len(t.tracked.time)
                 bells = np.zeros((samples, count)) if x is None else _bells(x, float(low), float(high), count)
@@ -52,7 +60,7 @@ def background(trackings: Sequence[Tracking], ports: Sequence[Port]) -> Backgrou
                 direct[n].append(other)
     inner = [_side_by_side(p, len(t.tracked.y) - 1, t.estimator.x.stop) for p, t in zip(psi, trackings, strict=True)]
     outer = [_side_by_side(p, *t.tracked.y.shape) for p, t in zip(direct, trackings, strict=True)]
-    return Background(Effect(inner, outer), tuple(groups))
+    return Background(Effect(inner, outer), tuple(groups), tuple(signals))
 
 
 def _side_by_side(parts: Sequence[Array], rows: int, across: int) -> Array:

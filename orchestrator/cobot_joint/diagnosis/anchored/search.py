@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.anchored.background import SPEEDS
 from cobot_joint.diagnosis.anchored.beside import Beside, Candidate
 from cobot_joint.diagnosis.anchored.tracks import Tracker
 from cobot_joint.diagnosis.data.recording import Recording
@@ -80,7 +81,7 @@ class Search:
     history: list[float] = field(default_factory=list)
     calibrated: dict[str, Estimate] = field(default_factory=dict)
     repaired: dict[str, Estimate] = field(default_factory=dict)
-    groups: dict[tuple[str, str], float] = field(default_factory=dict)  # background: (port, signal) -> 1 sigma
+    background: list[dict[str, object]] = field(default_factory=list)  # as `discrepancy` of diagnosis.json
 
     def supports(self, term: str) -> float:
         """Confidence in a term that was named, or could not be told from one; 0: neither."""
@@ -112,8 +113,7 @@ class Searcher:
                 break
             found, at = more
         found.repaired = self._estimates(found, at)
-        sigma = np.sqrt(at.regression.variances)
-        found.groups = {(port, name): float(s) for (port, name, _), s in zip(at.background.groups, sigma, strict=True)}
+        found.background = _background(at, self.plant)
         return found
 
     def _added(self, found: Search, at: Beside, named: Named) -> tuple[Search, Beside] | None:
@@ -293,3 +293,25 @@ def _where(at: Beside, predicted: NDArray[np.float64]) -> dict[str, object]:
     time = at.trackings[number].tracked.time
     return {"recording": at.trackings[number].tracked.recording.name, "by_regime": [],
             "time": [float(time[rows.start]), float(time[rows.stop - 1])]}  # fmt: skip
+
+
+def _background(at: Beside, plant: FmuPlant) -> list[dict[str, object]]:
+    """How large what was given no name is at each port: over the unit's own speed and load, and over time."""
+    units = {port.name: (port.unit, {s: _variable(plant, s) for s in port.signals}) for port in plant.ports}
+    found: list[dict[str, object]] = []
+    for (port, signal, _), place, bells in zip(
+        at.background.groups, at.regression.places, at.background.signals, strict=True
+    ):
+        rms = float(np.sqrt(np.mean((bells @ at.regression.theta[place]) ** 2)))
+        found.append({"port": port, "variable": units[port][1].get(signal, "load"), "rms": rms, "unit": units[port][0]})
+    for port in dict.fromkeys(name for t in at.trackings for name in t.estimator.ports):
+        sizes = [[latent.sigma for latent in t.estimator.latents if latent.port == port] for t in at.trackings]
+        rms = float(np.sqrt(np.mean([np.sum(np.square(s)) for s in sizes if s])))
+        found.append({"port": port, "variable": "time", "rms": rms, "unit": units[port][0]})
+    return found
+
+
+def _variable(plant: FmuPlant, signal: str) -> str:
+    component, variable = signal.split(".", 1)
+    unit = next(c.unit for s in plant.systems.values() for c in s.components if c.name == component)
+    return "w" if unit.unit_of(variable) in SPEEDS else "load"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import replace
 from types import TracebackType
@@ -18,6 +19,7 @@ from cobot_joint.diagnosis.state_estimation.sampled import SampledSystem
 from cobot_joint.system.model import Value
 
 SLOW = 2.0  # s that a second latent force at each port lives: supplies, temperatures
+AT_ONCE = 2  # recordings, each in a thread
 FIRST, AGAIN = 8, 3  # rounds of estimating the latent forces' sizes; where they are known about
 
 
@@ -45,14 +47,19 @@ class Tracker:
         """
         self._systems.close()
         self._systems = ExitStack()
-        found, why = [], None
-        for recording in self.recordings:
+        why: list[SimulationError] = []
+
+        def one(recording: Recording) -> Tracking | None:
             try:
-                found.append(self._follow(recording, values, onsets or {}))
+                return self._follow(recording, values, onsets or {})
             except SimulationError as error:
-                why = error
-        if not found and why is not None:
-            raise why
+                why.append(error)
+                return None
+
+        with ThreadPoolExecutor(AT_ONCE) as pool:
+            found = [tracking for tracking in pool.map(one, self.recordings) if tracking is not None]
+        if not found and why:
+            raise why[0]
         return found
 
     def _follow(self, recording: Recording, values: Mapping[str, Value], onsets: Mapping[str, float]) -> Tracking:

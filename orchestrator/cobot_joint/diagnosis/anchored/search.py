@@ -28,6 +28,7 @@ FLAT = 1e3  # of a value: 1 sigma that a term's own parameter may be off
 FARTHEST = 0.5  # of a value, that a term's own parameter moves at once
 LEADERS = 4  # candidates whose onsets are looked at
 TRIED = 5  # of those best ranked
+POINTED = 20  # of those that a later look is confined to: what is far behind now stays there
 NORMAL = 1.96
 INTERCEPT, COEFFICIENT = -4.0, 2.5  # of the logarithm of the odds, by the decimal logarithm of the evidence
 RIVAL = -1.0  # by the share of it that the best of the others has
@@ -57,8 +58,8 @@ class Named:
 
     @property
     def predicted(self) -> float:
-        """Log likelihood that it adds to blocks that it was not fitted to, the one that gains most left out."""
-        return float(sum(sorted(self.blocks)[:-1]))
+        """Log likelihood that it adds to blocks that it was not fitted to, see `_predicts`."""
+        return _predicts(self.blocks)
 
 
 def confidence(named: Named) -> float:
@@ -96,7 +97,8 @@ class Searcher:
     ) -> None:
         self.plant, self.tracker, self.say = plant, tracker, say
         self.bounds, self.terms = dict(bounds), list(terms)
-        self.outside = [self._as_term(name) for name in bounds]
+        self._base_runs: dict[int, list[NDArray[np.float64]] | None] = {}  # of one point of the search
+        self._pointed: set[str] = set()  # terms that the first look pointed to
 
     def search(self) -> Search:
         """SimulationError: the recordings cannot be followed."""
@@ -127,7 +129,8 @@ class Searcher:
             return None
         more = then.evidence_in_all - at.evidence_in_all
         self.say(f"{named.name}: {more:+.0f} in all")
-        return (with_it, then) if more > 0 else None
+        # a parameter that its tolerance holds back was free to leave it in what is linear already
+        return (with_it, then) if more > 0 or named.name in self.bounds else None
 
     def _settle(self, found: Search, rounds: int) -> Beside:
         """Follow the recordings, and again with the free parameters where they are most likely."""
@@ -164,15 +167,22 @@ class Searcher:
         """Terms that the data speak for, best first."""
         on = {name for named in found.named for name in (named.name, *named.alike)}
         ranked: list[Candidate] = []
-        pool = [t for t in [*self.terms, *self.outside] if t.name not in on and t.amplitude not in found.own]
+        every = [*self.terms, *(self._as_term(found, name) for name in self.bounds)]
+        pool = [t for t in every if t.name not in on and t.amplitude not in found.own]
+        pool = [t for t in pool if not self._pointed or t.name in self._pointed]
         for n, term in enumerate(pool):
             self.say(f"{term.name}, {n + 1} of {len(pool)}")
-            candidate = at.candidate(term) or self._by_runs(found, at, term)
-            if candidate is not None and self._allowed(candidate):
+            outside = term.name in self.bounds
+            candidate = at.candidate(term) or (None if outside else self._by_runs(found, at, term))
+            candidate = self._outside(found, at, candidate) if candidate and outside else candidate
+            if candidate is not None:
                 ranked.append(candidate)
         ranked.sort(key=lambda c: -c.evidence)
-        leaders = [at.with_onset(c, thresholds.LATER / 2) if c.term in self.terms else c for c in ranked[:LEADERS]]
+        leaders = [
+            c if c.term.name in self.bounds else at.with_onset(c, thresholds.LATER / 2) for c in ranked[:LEADERS]
+        ]
         ranked = sorted([*leaders, *ranked[LEADERS:]], key=lambda c: -c.evidence)
+        self._pointed = self._pointed or {c.term.name for c in ranked[:POINTED]}
         found.ranking.append([(c.term.name, c.evidence) for c in ranked[:10]])
         taken = max((named.evidence for named in found.named), default=0.0)
         least = max(thresholds.ANCHORED_EVIDENCE, thresholds.ANCHORED_LATER * taken)
@@ -182,7 +192,7 @@ class Searcher:
             if best.evidence < least or patch or any(best.term.name in p.alike for p in promising):
                 continue
             predicted = at.predicted(best)
-            if predicted.sum() > predicted.max():
+            if best.term.name in self.bounds or _predicts(predicted) > 0:
                 promising.append(self._named(at, best, ranked[n + 1 :], predicted))
         return promising
 
@@ -194,10 +204,10 @@ class Searcher:
 
     def _by_runs(self, found: Search, at: Beside, term: TermCandidate) -> Candidate | None:
         """A term with a memory answers to nothing while it is off: what it does to a run, in proportion."""
-        if term.name in self.bounds:
-            return None
         recordings = [t.tracked.recording for t in at.trackings]
-        base = self._runs(found, recordings, {})
+        if (base := self._base_runs.get(id(at))) is None:
+            self._base_runs = {id(at): self._runs(found, recordings, {})}
+            base = self._base_runs[id(at)]
         probe = PROBE.get(term.unit, PROBE["1"])
         every = list(combinations(term))
         if base is None or (far := self._runs(found, recordings, _on(term, every[0], probe))) is None:
@@ -233,16 +243,18 @@ class Searcher:
             results.append(np.column_stack([outputs[channel] for channel in r.outputs]))
         return results
 
-    def _allowed(self, candidate: Candidate) -> bool:
-        """A base parameter is an answer of its own only outside its tolerance."""
+    def _outside(self, found: Search, at: Beside, candidate: Candidate) -> Candidate | None:
+        """A base parameter is an answer of its own where its tolerance holds it back: by as much as the recordings are
+        less likely at the bound."""
         name = candidate.term.name
-        if name not in self.bounds:
-            return True
-        low, high = self.bounds[name]
-        sigma = float(np.sqrt(candidate.added.covariance[0, 0]))
-        off = float(candidate.added.coefficients[0])
-        nominal = self.plant.parameters[name].nominal
-        return not low - 2 * sigma < nominal + off < high + 2 * sigma
+        off, sigma = at.corrections[name]
+        value, (low, high) = self._value(found, name) + off, self.bounds[name]
+        beyond = max(value - high, low - value)
+        if beyond <= 0:
+            return None
+        evidence = 0.5 * (beyond / sigma) ** 2 - 0.5 * float(np.log(at.regression.readings))
+        p = self.plant.parameters[name]
+        return replace(candidate, values={name: float(np.clip(value, p.lower, p.upper))}, evidence=evidence)
 
     def _with(self, found: Search, named: Named) -> Search:
         """With one term more."""
@@ -262,10 +274,10 @@ class Searcher:
             named=[*found.named, named],
         )
 
-    def _as_term(self, name: str) -> TermCandidate:
+    def _as_term(self, found: Search, name: str) -> TermCandidate:
         """A base parameter as something to be named, its neutral value the present one."""
         p = self.plant.parameters[name]
-        return TermCandidate(name, name, p.nominal, p.lower, p.upper, p.unit)
+        return TermCandidate(name, name, self._value(found, name), p.lower, p.upper, p.unit)
 
     def _estimates(self, found: Search, at: Beside) -> dict[str, Estimate]:
         """Base parameters and terms' parameters with marginal 95 % intervals."""
@@ -284,6 +296,11 @@ class Searcher:
 
 def _on(term: TermCandidate, shapes: Mapping[str, float], step: float) -> dict[str, float]:
     return {**shapes, term.amplitude: float(np.clip(term.neutral + step, term.lower, term.upper))}
+
+
+def _predicts(blocks: Sequence[float] | NDArray[np.float64]) -> float:
+    """Sum over blocks without the best and the worst: no term stands on one of them, or falls with an impact in one."""
+    return float(np.sort(blocks)[1:-1].sum())
 
 
 def _where(at: Beside, predicted: NDArray[np.float64]) -> dict[str, object]:

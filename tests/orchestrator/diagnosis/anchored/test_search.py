@@ -66,3 +66,10 @@ def test_a_term_with_a_memory_is_seen_by_what_it_does_to_a_run() -> None:
     assert found.named
     assert found.named[0].name == "torque_sensor.hysteresis"
     assert [candidate.term.name for candidate in found.linear] == ["torque_sensor.hysteresis"]
+
+
+def test_a_base_parameter_outside_its_tolerance_is_named_itself() -> None:
+    found = search({"motor_bldc.winding.R": 0.209 * 1.35})
+    assert [named.name for named in found.named] == ["motor_bldc.winding.R"]
+    assert found.repaired["motor_bldc.winding.R"].value == pytest.approx(0.209 * 1.35, rel=0.03)
+    assert found.calibrated["motor_bldc.winding.R"].value <= 0.209 * 1.1 + 1e-12

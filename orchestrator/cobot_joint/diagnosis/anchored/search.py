@@ -31,8 +31,8 @@ TRIED = 5  # of those best ranked
 POINTED = 20  # of those that a later look is confined to: what is far behind now stays there
 NORMAL = 1.96
 # of the logarithm of the odds: by the decimal logarithm of the nats gained in all, by the rival's share of evidence;
-# even odds at 40, between the false and the right ones of a few drawn machines (docs/state-estimation.md)
-INTERCEPT, COEFFICIENT, RIVAL = -4.0, 2.5, -1.0
+# even odds at 100, between the false and the right ones of a few drawn machines (docs/state-estimation.md)
+INTERCEPT, COEFFICIENT, RIVAL = -5.0, 2.5, -1.0
 MOST = 0.97
 PROBED = 0.3  # of the noise, that a run is moved by where a term's answer is taken from runs
 

@@ -36,6 +36,7 @@ ROOMS = [
     "diagnosis/localization",
     "diagnosis/candidates",
     "diagnosis/selection",
+    "diagnosis/anchored",
     "diagnosis/experiments",
     "diagnosis/repair",
     "diagnosis/report",

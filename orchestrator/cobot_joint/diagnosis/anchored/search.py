@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.background import SPEEDS
-from cobot_joint.diagnosis.anchored.beside import Beside, Candidate
+from cobot_joint.diagnosis.anchored.beside import Beside, Candidate, trimmed_sum
 from cobot_joint.diagnosis.anchored.tracks import Tracker
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.findings import Estimate
@@ -23,7 +23,7 @@ from cobot_joint.diagnosis.state_estimation.evidence import Effect, combinations
 
 Bounds = Mapping[str, tuple[float, float]]
 Progress = Callable[[str], None]
-SETTLE, RESETTLE = 2, 1  # corrections of the free parameters, from nominal; after a term was added
+SETTLE, RESETTLE = 5, 3  # corrections of the free parameters at most, from nominal; after a term was added
 FLAT = 1e3  # of a value: 1 sigma that a term's own parameter may be off
 FARTHEST = 0.5  # of a value, that a term's own parameter moves at once
 LEADERS = 4  # candidates whose onsets are looked at
@@ -64,8 +64,8 @@ class Named:
 
     @property
     def predicted(self) -> float:
-        """Log likelihood that it adds to blocks that it was not fitted to, see `_predicts`."""
-        return _predicts(self.blocks)
+        """Log likelihood that it adds to blocks that it was not fitted to: no term stands on one, or falls with one."""
+        return trimmed_sum(np.array(self.blocks))
 
 
 def confidence(named: Named) -> float:
@@ -77,7 +77,7 @@ def confidence(named: Named) -> float:
 
 @dataclass
 class Search:
-    """Values so far: base parameters and terms. history: total evidence before the first term, and after each."""
+    """Values so far: base parameters and terms."""
 
     values: dict[str, float] = field(default_factory=dict)
     onsets: dict[str, float] = field(default_factory=dict)
@@ -85,7 +85,6 @@ class Search:
     named: list[Named] = field(default_factory=list)
     linear: list[Candidate] = field(default_factory=list)  # of these, those whose memory a filter's restarts would lose
     ranking: list[list[tuple[str, float]]] = field(default_factory=list)
-    history: list[float] = field(default_factory=list)
     calibrated: dict[str, Estimate] = field(default_factory=dict)
     repaired: dict[str, Estimate] = field(default_factory=dict)
     background: list[dict[str, object]] = field(default_factory=list)  # as `discrepancy` of diagnosis.json
@@ -112,7 +111,6 @@ class Searcher:
         at = self._settle(found, SETTLE)
         found.calibrated = self._estimates(found, at)
         while True:
-            found.history.append(at.evidence_in_all)
             room = len(found.named) < thresholds.MOST_TERMS
             more = (
                 next(filter(None, (self._added(found, at, n) for n in self._next(found, at))), None) if room else None
@@ -133,24 +131,34 @@ class Searcher:
         except SimulationError as error:
             self.say(f"{named.name} cannot be simulated: {error}")
             return None
-        more = then.evidence_in_all - at.evidence_in_all
+        more = then.gain_over(at)
         self.say(f"{named.name}: {more:+.0f} in all")
         if named.name in self.bounds:  # in what is linear it was free to leave its tolerance already
             more = named.evidence
         with_it.named[-1] = replace(named, in_all=more)
         return (with_it, then) if more > 0 else None
 
-    def _settle(self, found: Search, rounds: int) -> Beside:
-        """Follow the recordings, and again with the free parameters where they are most likely."""
-        for n in range(rounds + 1):
-            self.say(f"following the recordings, {n + 1} of {rounds + 1}")
-            trackings = self.tracker.follow(found.values, found.onsets)
-            at = Beside(trackings, self._free(found), self.plant.ports, [c.effect for c in found.linear])
-            if n == rounds:
-                return at
+    def _settle(self, found: Search, most: int) -> Beside:
+        """Follow the recordings, and again with the free parameters where they are most likely, while that brings more
+        than a term would have to."""
+        at, before = self._follow(found), dict(found.values)
+        for n in range(most):
             for name, (off, _) in at.corrections.items():
                 found.values[name] = self._moved(found, name, off)
-        raise AssertionError
+            self.say(f"following the recordings, {n + 2} of {most + 1} at most")
+            then = self._follow(found)
+            more = then.gain_over(at)
+            if more < -thresholds.ANCHORED_EVIDENCE:  # too far for what is linear
+                found.values = before
+                return self._follow(found)
+            at, before = then, dict(found.values)
+            if more < thresholds.ANCHORED_EVIDENCE:
+                break
+        return at
+
+    def _follow(self, found: Search) -> Beside:
+        trackings = self.tracker.follow(found.values, found.onsets)
+        return Beside(trackings, self._free(found), self.plant.ports, [c.effect for c in found.linear])
 
     def _free(self, found: Search) -> dict[str, tuple[float, float]]:
         free = {}
@@ -200,7 +208,7 @@ class Searcher:
             if best.evidence < least or patch or any(best.term.name in p.alike for p in promising):
                 continue
             predicted = at.predicted(best)
-            if best.term.name in self.bounds or _predicts(predicted) > 0:
+            if best.term.name in self.bounds or trimmed_sum(predicted) > 0:
                 promising.append(self._named(at, best, ranked[n + 1 :], predicted))
         return promising
 
@@ -304,11 +312,6 @@ class Searcher:
 
 def _on(term: TermCandidate, shapes: Mapping[str, float], step: float) -> dict[str, float]:
     return {**shapes, term.amplitude: float(np.clip(term.neutral + step, term.lower, term.upper))}
-
-
-def _predicts(blocks: Sequence[float] | NDArray[np.float64]) -> float:
-    """Sum over blocks without the best and the worst: no term stands on one of them, or falls with an impact in one."""
-    return float(np.sort(blocks)[1:-1].sum())
 
 
 def _where(at: Beside, predicted: NDArray[np.float64]) -> dict[str, object]:

@@ -15,7 +15,7 @@ from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import difference
-from cobot_joint.diagnosis.estimation.problem import Noise, Problem, Run
+from cobot_joint.diagnosis.estimation.problem import Noise, Problem, Run, Vector
 from cobot_joint.diagnosis.estimation.projection import solve
 from cobot_joint.diagnosis.plant.plant import Plant, ScannedShape, Signals, TermCandidate
 
@@ -53,6 +53,22 @@ class Drawn:
     effects: tuple[Concealed, ...]
 
 
+@dataclass(frozen=True)
+class Bench:
+    """A machine and its experiments before anything is concealed. healthy: its true parameters as a fit."""
+
+    campaign: Campaign
+    colour: float
+    noise: Mapping[str, Noise]
+    problem: Problem
+    healthy: Fit
+
+    def recorded(self, outputs: Sequence[Signals], concealed: Sequence[Concealed], rng: np.random.Generator) -> Drawn:
+        """With the logger's noise on these outputs, one per recording."""
+        recordings = [_noisy(r, o, self.noise, rng) for r, o in zip(self.campaign.recordings, outputs, strict=True)]
+        return Drawn(replace(self.campaign, recordings=recordings), self.colour, tuple(concealed))
+
+
 class Concealer:
     """Draws campaigns after the pattern of one, which lends set-ups, inputs, channels and tolerances.
 
@@ -69,6 +85,13 @@ class Concealer:
 
     def draw(self, rng: np.random.Generator, effects: int) -> Drawn:
         """A campaign with so many effects, of different terms, over all recordings but one where there are three."""
+        bench = self.bench(rng)
+        concealed = self.conceal(bench, effects, self.sizes, rng)
+        run = with_effects(bench.healthy.run, [c.active for c in concealed])
+        return bench.recorded(bench.problem.outputs(run), concealed, rng)
+
+    def bench(self, rng: np.random.Generator) -> Bench:
+        """Inputs, noise and base parameters; nothing concealed yet."""
         recordings = [_varied(_part(r, self.seconds, rng), rng) for r in self.pattern.recordings]
         if len(recordings) > 2:
             recordings.pop(rng.integers(len(recordings)))
@@ -84,18 +107,29 @@ class Concealer:
         J = difference(problem, hypothesis, x, base)
         assert J is not None
         healthy = Fit(hypothesis, x, 0.0, problem.recorded - base.white, base, J, 0)
+        return Bench(campaign, colour, noise, problem, healthy)
+
+    def conceal(
+        self, bench: Bench, effects: int, sizes: tuple[float, float], rng: np.random.Generator
+    ) -> tuple[Concealed, ...]:
+        """Effects of different terms. sizes: as SIZES."""
         concealed: list[Concealed] = []
-        terms = [t for t in self.plant.terms if any(self.plant.has(t.name, r) for r in campaign.recordings)]
+        recordings = bench.campaign.recordings
+        terms = [t for t in self.plant.terms if any(self.plant.has(t.name, r) for r in recordings)]
         while len(concealed) < effects:
             term = terms[rng.integers(len(terms))]
             if term.name.split(".")[1] not in {c.active.term.name.split(".")[1] for c in concealed}:
-                concealed.append(self._effect(problem, healthy, term, rng))
-        run = _with(healthy.run, [c.active for c in concealed])
-        outputs = problem.outputs(run)
-        recordings = [_noisy(r, o, noise, rng) for r, o in zip(campaign.recordings, outputs, strict=True)]
-        return Drawn(replace(campaign, recordings=recordings), colour, tuple(concealed))
+                concealed.append(self._effect(bench.problem, bench.healthy, term, sizes, rng))
+        return tuple(concealed)
 
-    def _effect(self, problem: Problem, healthy: Fit, term: TermCandidate, rng: np.random.Generator) -> Concealed:
+    def _effect(
+        self,
+        problem: Problem,
+        healthy: Fit,
+        term: TermCandidate,
+        sizes: tuple[float, float],
+        rng: np.random.Generator,
+    ) -> Concealed:
         """A term at a drawn shape and onset, as large as the size drawn; less where it cannot be."""
         length = float(problem.times().max())
         values = {s.name: _shape(s, rng) for s in term.shapes}
@@ -107,7 +141,7 @@ class Concealer:
                 values[name] = float(rng.uniform(*TIMED) * length)
         if term.phase:
             values[term.phase] = float(rng.uniform(0, 2 * np.pi))
-        wanted = float(np.exp(rng.uniform(*np.log(self.sizes))))
+        wanted = float(np.exp(rng.uniform(*np.log(sizes))))
         probed = Scan(problem, [term]).probes(healthy)[term.name]
         step = probed * (-1 if term.lower < 0 and rng.random() < 0.5 else 1)
         active = ActiveTerm(
@@ -126,15 +160,20 @@ class Concealer:
 
 def _size(problem: Problem, healthy: Fit, active: ActiveTerm) -> float:
     """Root of the chi-square that a linear re-fit leaves of the effect; 0 where it cannot be simulated."""
-    found = problem.simulate([_with(healthy.run, [active]).beside(active.component)], healthy.simulated)[0]
+    found = problem.simulate([with_effects(healthy.run, [active]).beside(active.component)], healthy.simulated)[0]
     if found is None:
         return 0.0
-    effect, J = found.white - healthy.simulated.white, healthy.jacobian
-    gradient = J.T @ effect
-    return float(np.sqrt(effect @ effect - gradient @ solve(J.T @ J + np.diag(healthy.hypothesis.prior), gradient)))
+    return size_after_refit(healthy, found.white - healthy.simulated.white)
 
 
-def _with(run: Run, active: Sequence[ActiveTerm]) -> Run:
+def size_after_refit(healthy: Fit, effect: Vector) -> float:
+    """Root of the chi-square that a linear re-fit of the base parameters leaves of a whitened difference, (rows,)."""
+    gradient = healthy.jacobian.T @ effect
+    taken = gradient @ solve(healthy.jacobian.T @ healthy.jacobian + np.diag(healthy.hypothesis.prior), gradient)
+    return float(np.sqrt(max(float(effect @ effect - taken), 0.0)))
+
+
+def with_effects(run: Run, active: Sequence[ActiveTerm]) -> Run:
     for a in active:
         run = a.apply(run, a.start())
     return run

@@ -1,0 +1,139 @@
+"""How often a name given beside a background is right: drawn machines with backgrounds, followed and counted.
+
+    python -m cobot_joint.diagnosis.evaluation.background_count CAMPAIGN.toml [--machines 100] [--seconds 8] [--seed 0]
+                       [--jobs 2] [--out backgrounds.jsonl]
+
+The campaign lends its set-ups, inputs, channels and tolerances; every draw (backgrounds.py) has parameters, a
+background, terms, sizes and noise of its own. One line of OUT per machine; those that are there are not drawn again.
+Printed: Markdown tables of what was named, by size over the background, and of the confidences against the counts.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from cobot_joint.diagnosis.anchored.follow import follow
+from cobot_joint.diagnosis.anchored.search import Search, confidence
+from cobot_joint.diagnosis.data.campaign import load_campaign
+from cobot_joint.diagnosis.evaluation.backgrounds import FieldConcealer
+from cobot_joint.diagnosis.evaluation.score import rate
+from cobot_joint.diagnosis.evaluation.synthetic import Concealer, Drawn
+from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
+
+EFFECTS = (0.4, 0.4, 0.2)  # share of machines that conceal nothing, one, two
+EDGES = (0.0, 3.0, 6.0, 12.0, np.inf)  # of effects over the background
+SURE = (0.0, 0.5, 0.8, 0.9, 1.01)
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Draws:
+    """What is drawn, by number: the same numbers, the same machines."""
+
+    pattern: Path
+    seconds: float = 8.0
+    seed: int = 0
+
+
+def count(draws: Draws, out: Path, machines: int, jobs: int) -> list[Row]:
+    """Draw and follow what is not yet in `out`; every row of it."""
+    rows = [json.loads(line) for line in out.read_text().splitlines()] if out.is_file() else []
+    missing = sorted(set(range(machines)) - {row["k"] for row in rows})
+    out.parent.mkdir(parents=True, exist_ok=True)
+    work = (delayed(counted)(draws, k) for k in missing)
+    for row in Parallel(n_jobs=jobs, return_as="generator_unordered")(work):
+        with out.open("a") as file:
+            file.write(json.dumps(row) + "\n")
+        rows.append(row)
+    return [row for row in rows if row["k"] < machines]
+
+
+def counted(draws: Draws, k: int) -> Row:
+    """The machine number k drawn, followed and judged."""
+    campaign = load_campaign(draws.pattern, roles=("train",))
+    rng = np.random.default_rng((draws.seed, k))
+    with FmuPlant(campaign.systems()) as plant:
+        concealer = FieldConcealer(Concealer(campaign, plant, draws.seconds))
+        drawn, background = concealer.draw(rng, int(rng.choice(len(EFFECTS), p=EFFECTS)))
+        begun = time.process_time()
+        found = follow(drawn.campaign, plant, lambda words: None)
+    if found is None:
+        raise RuntimeError(f"machine {k} cannot be followed")
+    samples = sum(int(np.isfinite(y).sum()) for r in drawn.campaign.recordings for y in r.outputs.values())
+    row = judge(drawn, found, background * float(np.sqrt(samples)))
+    return {"k": k, "background": background, **row, "seconds": round(time.process_time() - begun, 1)}
+
+
+def judge(drawn: Drawn, found: Search, background: float) -> Row:
+    """What was concealed, what was said, and which of it is true, terms of one name being twins. background: root of
+    the chi-square that a re-fit leaves of it."""
+    names = [c.active.term.name.split(".")[1] for c in drawn.effects]
+    said = [{t.split(".")[1] for t in (n.name, *n.alike)} for n in found.named]
+    return {
+        "effects": [
+            {"term": c.active.term.name, "onset": c.active.onset, "over": c.size / background,
+             "named": any(name in s for s in said)}
+            for c, name in zip(drawn.effects, names, strict=True)
+        ],
+        "findings": [
+            {"term": n.name, "alike": n.alike, "evidence": n.evidence, "in_all": n.in_all, "predicted": n.predicted,
+             "rival": n.rival, "confidence": confidence(n), "true": bool(s & set(names))}
+            for n, s in zip(found.named, said, strict=True)
+        ],
+    }  # fmt: skip
+
+
+def tables(rows: Sequence[Row]) -> str:
+    """Markdown."""
+    healthy = [bool(r["findings"]) for r in rows if not r["effects"]]
+    sure = [any(f["confidence"] >= 0.5 for f in r["findings"]) for r in rows if not r["effects"]]
+    lines = ["| machines that conceal nothing | count | with | 95 % |", "|---|---|---|---|"]
+    lines += [_rate("any finding", healthy), _rate("one at 0.5 or more", sure)]
+    lines += ["", "| effect over background | effects | named | 95 % |", "|---|---|---|---|"]
+    effects = [e for r in rows for e in r["effects"]]
+    for low, high in pairwise(EDGES):
+        words = f"{low:g} to {high:g}" if np.isfinite(high) else f"above {low:g}"
+        lines.append(_rate(words, [e["named"] for e in effects if low <= e["over"] < high]))
+    findings = [f for r in rows for f in r["findings"]]
+    lines += ["", "| confidence given | findings | true | 95 % |", "|---|---|---|---|"]
+    for low, high in pairwise(SURE):
+        words = f"{low:g} to {min(high, 1):g}"
+        lines.append(_rate(words, [f["true"] for f in findings if low <= f["confidence"] < high]))
+    squares = [(f["confidence"] - f["true"]) ** 2 for f in findings] + [1.0 for e in effects if not e["named"]]
+    brier = f"{np.mean(squares):.3f}" if squares else "-"
+    return "\n".join([*lines, "", f"{len(rows)} machines; Brier score, effects that were missed among it, {brier}"])
+
+
+def _rate(words: str, outcomes: Sequence[bool]) -> str:
+    found = rate(sum(outcomes), len(outcomes))
+    interval = "{:.3f} to {:.3f}".format(*found["ci95"]) if found["ci95"] else ""
+    return f"| {words} | {len(outcomes)} | {sum(outcomes)} | {interval} |"
+
+
+def main() -> None:
+    """See the module."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("campaign", type=Path)
+    parser.add_argument("--machines", type=int, default=100)
+    parser.add_argument("--seconds", type=float, default=8.0)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--out", type=Path, default=Path("build/backgrounds.jsonl"))
+    given = parser.parse_args()
+    rows = count(Draws(given.campaign, given.seconds, given.seed), given.out, given.machines, given.jobs)
+    print(tables(rows))
+
+
+if __name__ == "__main__":
+    main()

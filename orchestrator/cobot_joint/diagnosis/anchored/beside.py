@@ -86,16 +86,22 @@ class Beside:
     def gain_over(self, other: Beside) -> float:
         """How much more likely the same recordings are here, without the two blocks in which that differs most either
         way: a filter that loses its way at an impact, or finds it again, says nothing of a term."""
-        filters = [trimmed_sum(self._by_block() - other._by_block())] if len(self.blocks) == len(other.blocks) else []
-        return sum(filters) + self.regression.evidence - other.regression.evidence
+        here, there = self._by_block(), other._by_block()
+        price = self._price() - other._price()
+        return price + (trimmed_sum(here - there) if len(here) == len(there) else float(here.mean() - there.mean()))
+
+    def _price(self) -> float:
+        """What the freedom of parameters and background costs, in nats, negative."""
+        return self.regression.evidence - float(self.regression.by_block.sum())
 
     def _by_block(self) -> Array:
-        """Log likelihood of the innovations, but for a constant: (blocks,)"""
+        """Log likelihood of the innovations, parameters and background as fitted, but for a constant: (blocks,)"""
         found = [(t.tracked.filtered.precision, t.tracked.filtered.e) for t in self.trackings]
-        return np.array([
+        filtered = np.array([
             0.5 * float(np.sum(np.log(p[rows], where=p[rows] > 0, out=np.zeros_like(p[rows])) - p[rows] * e[rows] ** 2))
             for (p, e), rows in ((found[n], rows) for n, rows in self.blocks)
         ])  # fmt: skip
+        return np.asarray(filtered + self.regression.by_block)
 
     @property
     def corrections(self) -> dict[str, tuple[float, float]]:

@@ -86,6 +86,12 @@ class Regression:
         self.evidence = self._evidence(self.variances, self.gram, self.gradient, 0)
         self.theta, self.covariance = self._solved(self.variances, self.gram, self.gradient, 0)
 
+    @property
+    def by_block(self) -> Array:
+        """Log likelihood over that of no signal, as fitted: (blocks,)"""
+        pairs = zip(self.columns.gram, self.columns.gradient, strict=True)
+        return np.array([_likelihood(self.theta, gram, gradient) for gram, gradient in pairs])
+
     def gain(self, more: Products) -> float:
         """Log likelihood that more columns add, the groups' variances as they are; 0: they say nothing of their own."""
         own = self._own(more)

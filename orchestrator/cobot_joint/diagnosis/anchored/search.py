@@ -30,9 +30,9 @@ LEADERS = 4  # candidates whose onsets are looked at
 TRIED = 5  # of those best ranked
 POINTED = 20  # of those that a later look is confined to: what is far behind now stays there
 NORMAL = 1.96
-# of the logarithm of the odds: by the decimal logarithm of the nats gained in all, by the rival's share of evidence;
-# even odds at 100, between the false and the right ones of a few drawn machines (docs/state-estimation.md)
-INTERCEPT, COEFFICIENT, RIVAL = -5.0, 2.5, -1.0
+# of the logarithm of the odds: by the decimal logarithm of the evidence in nats, by the rival's share of it; even odds
+# at 40: between the few drawn machines that were looked at, to be fitted to a count (background_count.py)
+INTERCEPT, COEFFICIENT, RIVAL = -4.0, 2.5, -1.0
 MOST = 0.97
 PROBED = 0.3  # of the noise, that a run is moved by where a term's answer is taken from runs
 
@@ -42,7 +42,7 @@ class Named:
     """A term that is on.
 
     rival: evidence of the best term that could not be called alike. blocks: log likelihood that it adds to quarters of
-    the recordings that it was not fitted to; in_all: to all of them, followed again with it.
+    the recordings that it was not fitted to.
     """
 
     candidate: Candidate
@@ -50,7 +50,6 @@ class Named:
     rival: float
     blocks: tuple[float, ...]
     where: dict[str, object]
-    in_all: float = 0.0
 
     @property
     def name(self) -> str:
@@ -69,9 +68,9 @@ class Named:
 
 
 def confidence(named: Named) -> float:
-    """0..1, by how much more likely the recordings have become, and by how near the best of the others came."""
+    """0..1, by the evidence, and by how near the best of the others came."""
     share = max(named.rival, 0.0) / max(named.evidence, 1.0)
-    score = INTERCEPT + COEFFICIENT * math.log10(max(named.in_all, 1.0)) + RIVAL * share
+    score = INTERCEPT + COEFFICIENT * math.log10(max(named.evidence, 1.0)) + RIVAL * share
     return round(min(1 / (1 + math.exp(-score)), MOST), 3)
 
 
@@ -112,9 +111,7 @@ class Searcher:
         found.calibrated = self._estimates(found, at)
         while True:
             room = len(found.named) < thresholds.MOST_TERMS
-            more = (
-                next(filter(None, (self._added(found, at, n) for n in self._next(found, at))), None) if room else None
-            )
+            more = next(filter(None, (self._added(found, n) for n in self._next(found, at))), None) if room else None
             if more is None:
                 break
             found, at = more
@@ -122,21 +119,15 @@ class Searcher:
         found.background = _background(at, self.plant)
         return found
 
-    def _added(self, found: Search, at: Beside, named: Named) -> tuple[Search, Beside] | None:
-        """With a term switched on; None: the recordings are less likely then, its linear share notwithstanding."""
+    def _added(self, found: Search, named: Named) -> tuple[Search, Beside] | None:
+        """With a term switched on; None: it cannot be simulated."""
         self.say(f"{named.name}: evidence {named.evidence:.0f}, left-out parts {named.predicted:.0f}")
         with_it = self._with(found, named)
         try:
-            then = self._settle(with_it, RESETTLE)
+            return with_it, self._settle(with_it, RESETTLE)
         except SimulationError as error:
             self.say(f"{named.name} cannot be simulated: {error}")
             return None
-        more = then.gain_over(at)
-        self.say(f"{named.name}: {more:+.0f} in all")
-        if named.name in self.bounds:  # in what is linear it was free to leave its tolerance already
-            more = named.evidence
-        with_it.named[-1] = replace(named, in_all=more)
-        return (with_it, then) if more > 0 else None
 
     def _settle(self, found: Search, most: int) -> Beside:
         """Follow the recordings, and again with the free parameters where they are most likely, while that brings more

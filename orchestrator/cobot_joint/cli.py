@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from functools import partial, wraps
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 
 HELP = """A cobot joint's test bench: run it, compare it with recordings, export it.
 
--q, -v and --json may stand anywhere in the call.
+-q, -v, --json, --isolate and limits may stand anywhere in the call.
 """
 RUN_HELP = """Run a scenario: signals.parquet, pictures and a summary.
 
@@ -166,8 +167,18 @@ def common(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but errors.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Trace an error to where it arose.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="run, demo, export: say it as JSON.")] = False,
+    isolate: Annotated[bool, typer.Option("--isolate", help="Shipped units, too, in processes of their own.")] = False,
+    time_limit: Annotated[
+        str | None, typer.Option(metavar="S", help="Of one call of an isolated unit.", show_default="30")
+    ] = None,
+    memory_limit: Annotated[
+        str | None, typer.Option(metavar="MB", help="Of an isolated unit.", show_default="4000")
+    ] = None,
 ) -> None:
     """What holds for every command."""
+    given = {"COBOT_JOINT_ISOLATE": "all" if isolate else None, "COBOT_JOINT_TIME_LIMIT": time_limit}
+    given |= {"COBOT_JOINT_MEMORY_LIMIT": memory_limit}
+    os.environ |= {name: value for name, value in given.items() if value is not None}  # for worker processes, too
     output.verbose, output.as_json = verbose, as_json
     for one in (console, diagnosis.console, own_bench.console):
         one.quiet = quiet or as_json
@@ -303,13 +314,25 @@ def _progress(name: str) -> Iterator[Any]:
 diagnosis.register(app)
 for command in (own_bench.inspect, own_bench.new):
     app.command()(command)
-ANYWHERE = ("-q", "--quiet", "-v", "--verbose", "--json")
+FLAGS = ("-q", "--quiet", "-v", "--verbose", "--json", "--isolate")
+VALUED = ("--time-limit", "--memory-limit")
 
 
 def main() -> None:
     """Entry point."""
-    given = sys.argv[1:]
-    sys.exit(_status([*(a for a in given if a in ANYWHERE), *(a for a in given if a not in ANYWHERE)]))
+    sys.exit(_status(common_first(sys.argv[1:])))
+
+
+def common_first(given: list[str]) -> list[str]:
+    """The arguments with those in front that hold for every command and may stand anywhere."""
+    first, rest = [], []
+    arguments = iter(given)
+    for argument in arguments:
+        if argument in FLAGS or argument.partition("=")[0] in VALUED:
+            first += [argument, *(islice(arguments, 1) if argument in VALUED else ())]
+        else:
+            rest.append(argument)
+    return [*first, *rest]
 
 
 def _status(arguments: list[str]) -> int:

@@ -106,7 +106,8 @@ def test_unit_that_fails_while_it_runs_is_one_line_and_status_1(tmp_path: Path) 
     assert done.returncode == 1
     assert done.stderr.startswith("cobot-joint: ")
     assert done.stderr.count("\n") == 1
-    assert not list((tmp_path / "results" / "load_mr_brake").iterdir())
+    assert [p.name for p in (tmp_path / "results" / "load_mr_brake").iterdir()] == ["signals.parquet"]
+    assert "signals.parquet has the " in done.stderr
 
 
 def test_export_holds_the_four_fmus_and_the_system(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -16,7 +17,7 @@ from cobot_joint.cosim.clock import Clock, make_clock, turns
 from cobot_joint.cosim.energy import mechanical_connections, works
 from cobot_joint.cosim.experiment import Experiment
 from cobot_joint.cosim.initialise import initialise
-from cobot_joint.cosim.instances import Instance, check_parameters
+from cobot_joint.cosim.instances import Instance, SimulationError, check_parameters
 from cobot_joint.cosim.plan import make_plan
 from cobot_joint.cosim.schemes import DEFAULT, WITHOUT_ROLLBACK, Scheme, scheme_of
 from cobot_joint.results.result import Result
@@ -27,6 +28,7 @@ Engine = Literal["native", "reference"]
 Progress = Callable[[float, float], None]  # (simulated time, stop time), s
 Rows = NDArray[np.float64]
 ROWS_PER_CHUNK = 10_000
+log = logging.getLogger("cobot_joint")
 
 
 class Master(Protocol):
@@ -36,6 +38,7 @@ class Master(Protocol):
     def resume(self) -> None: ...
     def advance(self, tick: int, rows: Rows) -> None: ...
     def record(self, row: Rows) -> None: ...
+    def rows(self) -> int: ...
     def counters(self) -> dict[str, int]: ...
     def close(self) -> None: ...
 
@@ -78,9 +81,12 @@ class Simulation:
         return self
 
     def __exit__(
-        self, _type: type[BaseException] | None, _value: BaseException | None, _trace: TracebackType | None
+        self, _type: type[BaseException] | None, value: BaseException | None, _trace: TracebackType | None
     ) -> None:
-        self.close()
+        """SimulationError: a unit crashes while it is freed, and nothing else went wrong."""
+        failures = self._freed()
+        if failures and value is None:
+            raise failures[0]
 
     @property
     def instances(self) -> Mapping[str, Instance]:
@@ -88,10 +94,19 @@ class Simulation:
         return self._instances
 
     def close(self) -> None:
-        """Free the instances."""
+        """Free the instances. A unit that crashes meanwhile has done what was asked of it: a warning is logged."""
+        for failure in self._freed():
+            log.warning("%s", failure)
+
+    def _freed(self) -> list[SimulationError]:
+        failures = []
         for instance in self._instances.values():
-            instance.close()
+            try:
+                instance.close()
+            except SimulationError as error:
+                failures.append(error)
         self._instances.clear()
+        return failures
 
     def run(self, experiment: Experiment, progress: Progress | None = None) -> Result:
         """One run, all of it in memory. `progress`: called with (time, stop time) now and then.
@@ -102,20 +117,26 @@ class Simulation:
             table = np.empty((run.clock.rows, len(run.names)))
             for first in range(0, run.clock.rows, ROWS_PER_CHUNK):
                 self._fill(run, first, table[first : first + ROWS_PER_CHUNK], progress)
-            return self._result(run, 0, table)
+            return self._result(run, 0, table, self.energy())
 
     def stream(
         self, experiment: Experiment, progress: Progress | None = None, rows_per_chunk: int = ROWS_PER_CHUNK
     ) -> Iterator[Result]:
         """As `run`, in pieces of `rows_per_chunk` that follow one another: memory does not grow with the run.
 
-        Each piece's `energy` is that from the start to the piece's end.
+        Each piece's `energy` is that from the start to the piece's end. Where a unit fails, the rows until then come as
+        a last piece, without energy, before SimulationError.
         """
         with self._prepared(experiment) as run:
             for first in range(0, run.clock.rows, rows_per_chunk):
                 rows = np.empty((min(rows_per_chunk, run.clock.rows - first), len(run.names)))
-                self._fill(run, first, rows, progress)
-                yield self._result(run, first, rows)
+                try:
+                    self._fill(run, first, rows, progress)
+                except SimulationError:
+                    if (done := run.master.rows() - first) > 0:
+                        yield self._result(run, first, rows[:done], energy={})
+                    raise
+                yield self._result(run, first, rows, self.energy())
 
     def energy(self) -> dict[str, tuple[float, float, float]]:
         """Mechanical connection -> (work given, work taken, integral of |power given|) since the run's start, J."""
@@ -199,11 +220,11 @@ class Simulation:
                         instance.set(name, value)
         return due
 
-    def _result(self, run: _Run, first: int, rows: Rows) -> Result:
+    def _result(self, run: _Run, first: int, rows: Rows, energy: Mapping[str, tuple[float, float, float]]) -> Result:
         signals = {name: np.ascontiguousarray(rows[:, j]) for j, name in enumerate(run.names)}
         times = run.clock.times(first, first + len(rows))
         step = run.clock.step * run.clock.stride
-        return Result(times, signals, self.energy(), run.scheme.name, step, dict(run.units))
+        return Result(times, signals, dict(energy), run.scheme.name, step, dict(run.units))
 
 
 def simulate(

@@ -41,6 +41,7 @@ VARIABLES = {
         ("spring.c", 5, "Real", "parameter", "1"),
         ("spring.d", 6, "Real", "parameter", "0.1"),
     ],
+    "crash": [("u", 0, "Real", "input", "0"), ("y", 1, "Real", "output", None)],
     "gain": [
         ("u", 0, "Real", "input", "0"),
         ("y", 1, "Real", "output", None),
@@ -55,6 +56,7 @@ VARIABLES = {
     ],
 }
 FOLLOWS = {
+    "crash": {"y": "1"},
     "gain": {"y": "1", "n_out": "7", "b_out": "9"},
     "spring_damper": {"tau": "3 4"},
 }  # outputs by index of inputs

@@ -156,6 +156,7 @@ static int follow(Master *m, double t, double h, double **row) {
       (*row)[j] = wire->factor * value(&m->p[wire->signal], s_next) + wire->offset;
     }
     *row += m->plan.n_recorded;
+    m->rows++;
   }
   return 0;
 }
@@ -193,7 +194,7 @@ static int step(Master *m, double **row) {
 /* Calls from Python --------------------------------------------------------------------------------------------------------- */
 
 int cosim_begin(Master *m) {
-  m->tick = 0;
+  m->tick = m->rows = 0;
   m->stride = 1;
   m->known = 1;
   m->calm = 0;
@@ -233,6 +234,7 @@ int cosim_record(Master *m, double *row) {
                    : sample_at(m, m->plan.samples + (s - m->plan.n_outputs) * m->plan.n_samples, k, t);
     row[j] = wire->factor * y + wire->offset;
   }
+  m->rows++;
   return 0;
 }
 
@@ -315,6 +317,8 @@ void cosim_destroy(Master *m) {
   free(m->discrete);
   free(m);
 }
+
+int64_t cosim_rows(const Master *m) { return m->rows; }
 
 const char *cosim_message(const Master *m) { return m->message; }
 

@@ -18,7 +18,7 @@ RINGS = (1, 2, 10)
 
 
 def cost() -> list[Row]:
-    """Per communication step and unit, wall time: of units that do nothing, and of the bench with all units isolated."""
+    """Per communication step and unit, wall time: of units that do nothing, and of the bench, all isolated."""
     with tempfile.TemporaryDirectory() as folder:
         rows = [_row(f"{n} in a ring", n, bench.ring(Path(folder), n, STOP), NOTHING, "jacobi") for n in RINGS]
     joint = bench.joint()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import re
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -25,6 +26,18 @@ from cobot_joint.system.parameters import checked, split
 
 class SimulationError(RuntimeError):
     """A run failed: which unit, which call, at what time, and what the unit logged last."""
+
+
+class UnitEndedError(SimulationError):
+    """The process of an isolated unit ended: a crash, an exit, or a call that took too long.
+
+    `component`: whose unit; `how`: the call and what became of it, without the time and what was set last.
+    """
+
+    def __init__(self, component: str, words: str) -> None:
+        super().__init__(f"{component}: {words}")
+        self.component = component
+        self.how = re.sub(r" at t = \S+ s", "", words.split("; ")[0])
 
 
 class _Log(ctypes.Structure):
@@ -113,7 +126,8 @@ class Instance:
 
     def failure(self, said: str) -> SimulationError:
         """What happened to the process, or what is `said` of the call and what the unit logged last."""
-        return SimulationError(f"{self.name}: {self.ended or f'{said}{self.last_words()}'}")
+        ended = self.ended
+        return UnitEndedError(self.name, ended) if ended else SimulationError(f"{self.name}: {said}{self.last_words()}")
 
     @contextmanager
     def explained(self, what: str) -> Iterator[None]:
@@ -151,7 +165,7 @@ class Instance:
         self.fmu.component = None
         self.fmu.freeLibrary()
         if self._isolation and (words := isolation.ended(None)):
-            raise SimulationError(f"{self.name}: {words}")
+            raise UnitEndedError(self.name, words)
 
     def set(self, name: str, value: Value) -> None:
         """Any variable by name; the FMU judges whether the moment allows it."""

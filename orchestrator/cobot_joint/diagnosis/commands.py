@@ -83,6 +83,8 @@ def diagnose(
             console.print(f"[dim]{escape(recording.name)}: {escape(note)}[/dim]", soft_wrap=True)
     console.print(f"\n[bold]{escape(result.sentence)}[/bold]", soft_wrap=True)
     content = result.diagnosis
+    for crash in content.get("crashes", ()):
+        console.print(f"[yellow]{escape(crash)}[/yellow]", soft_wrap=True)
     if content["findings"]:
         console.print(_findings(content["findings"]))
     roles = [r for r in ("train", "holdout") if any(r in c for c in content["channels"].values())]

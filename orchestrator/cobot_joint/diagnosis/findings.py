@@ -177,6 +177,7 @@ class Diagnosis:
     structure: dict[str, float] = field(default_factory=dict)
     repair: Literal["offered", "withheld"] = "offered"
     seconds: float = 0.0
+    crashes: list[str] = field(default_factory=list)  # of units; what was tried then was passed over
 
     def parameters(self, variant: Literal["nominal", "calibrated", "repaired"]) -> dict[str, float]:
         """Values to simulate that variant with."""
@@ -206,4 +207,5 @@ class Diagnosis:
                 "repair": self.repair,
                 "seconds": self.seconds,
             }
+            | ({"crashes": self.crashes} if self.crashes else {})
         )

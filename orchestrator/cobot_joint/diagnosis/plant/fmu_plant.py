@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import queue
+import threading
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.cosim import Simulation
-from cobot_joint.cosim.instances import SimulationError as UnitError
+from cobot_joint.cosim.instances import UnitEndedError
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.plant import Parameter, Port, ScannedShape, Signals, SimulationError, TermCandidate
 from cobot_joint.diagnosis.plant.simulator import run_beside
@@ -21,6 +22,21 @@ from cobot_joint.system.wiring import ADDITIVE
 from cobot_joint.units import Shape, Term, Unit
 
 MOTION, LOADS = ("rad", "rad/s", "m", "m/s"), ("N.m", "N", "A")  # units of measure
+
+
+@dataclass
+class Crash:
+    """Runs in which a unit's process ended in the same way: what was said of the first, and what was set in it."""
+
+    said: str
+    values: dict[str, float]
+    runs: int = 0
+
+    def __str__(self) -> str:
+        values = ", ".join(f"{name} = {x:.6g}" for name, x in self.values.items())
+        return f"{self.said}: {self.runs} runs with it are passed over" + (
+            f", the first with {values}" if values else ""
+        )
 
 
 class FmuPlant:
@@ -41,6 +57,8 @@ class FmuPlant:
             (setup, ports): queue.LifoQueue() for setup in systems for ports in (False, True)
         }
         self._all: list[Simulation] = []
+        self.crashes: dict[tuple[str, str], Crash] = {}  # by component and what became of which call
+        self._noting = threading.Lock()
 
     def __enter__(self) -> FmuPlant:
         return self
@@ -72,8 +90,19 @@ class FmuPlant:
                 return run_beside(
                     simulation, recording, values, onsets=onsets, added=added, record=[*recording.outputs, *signals]
                 )
-            except UnitError as error:
-                raise SimulationError(f"{recording.name}: {error}") from error
+            except SimulationError as error:
+                if isinstance(error, UnitEndedError):
+                    self._note(error, values)
+                raise SimulationError(f"{error}; in {recording.name}") from error
+
+    def _note(self, error: UnitEndedError, values: Mapping[str, float]) -> None:
+        with self._noting:
+            crash = self.crashes.setdefault((error.component, error.how), Crash(str(error), self._changed(values)))
+            crash.runs += 1
+
+    def _changed(self, values: Mapping[str, float]) -> dict[str, float]:
+        """What is not as the system has it."""
+        return {n: x for n, x in values.items() if n not in self.parameters or x != self.parameters[n].nominal}
 
     @contextmanager
     def _simulation(self, setup: str, ports: bool) -> Iterator[Simulation]:

@@ -83,6 +83,7 @@ class Output:
 
 
 output = Output()
+WITHOUT_JSON = {"inspect", "new", "prove"}
 
 
 def _version(wanted: bool) -> None:
@@ -163,10 +164,11 @@ def with_changes(command: Callable[..., None]) -> Callable[..., None]:
 
 @app.callback()
 def common(
+    context: typer.Context,
     version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show it.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but errors.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Trace an error to where it arose.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="run, demo, export: say it as JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Say the answer as JSON.")] = False,
     isolate: Annotated[bool, typer.Option("--isolate", help="Shipped units, too, in processes of their own.")] = False,
     time_limit: Annotated[
         str | None, typer.Option(metavar="S", help="Of one call of an isolated unit.", show_default="30")
@@ -179,6 +181,9 @@ def common(
     given = {"COBOT_JOINT_ISOLATE": "all" if isolate else None, "COBOT_JOINT_TIME_LIMIT": time_limit}
     given |= {"COBOT_JOINT_MEMORY_LIMIT": memory_limit}
     os.environ |= {name: value for name, value in given.items() if value is not None}  # for worker processes, too
+    if as_json and context.invoked_subcommand in WITHOUT_JSON:
+        allowed = among(sorted(set(_commands()) - WITHOUT_JSON))
+        raise UserError(f"--json is given with {context.invoked_subcommand}; allowed it is with {allowed}")
     output.verbose, output.as_json = verbose, as_json
     for one in (console, diagnosis.console, own_bench.console):
         one.quiet = quiet or as_json
@@ -338,7 +343,11 @@ def common_first(given: list[str]) -> list[str]:
 def _status(arguments: list[str]) -> int:
     try:
         with interruptible():
-            return int(app(arguments, prog_name="cobot-joint", standalone_mode=False) or 0)
+            answer = app(arguments, prog_name="cobot-joint", standalone_mode=False)
+            if isinstance(answer, dict):
+                say_json(answer)
+                return 0
+            return int(answer or 0)
     except Interrupted as how:
         return _say(", ".join(["interrupted", *how.args]), 130)
     except UserError as error:
@@ -355,10 +364,14 @@ def _status(arguments: list[str]) -> int:
         return _say(error, 1)
 
 
+def _commands() -> list[str]:
+    return [c.name or c.callback.__name__ for c in app.registered_commands if c.callback]
+
+
 def _usage(error: typer.TyperException) -> str:
     message = " ".join(error.format_message().split())
     if message.startswith("No such command"):
-        message += f" Allowed are {among(sorted(c.name or c.callback.__name__ for c in app.registered_commands))}."  # type: ignore[union-attr]
+        message += f" Allowed are {among(sorted(_commands()))}."
     return message
 
 

@@ -21,6 +21,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from cobot_joint.errors import UserError
+from cobot_joint.files import write_atomically
 from cobot_joint.results.result import Result
 from cobot_joint.system.model import System
 from cobot_joint.version import __version__
@@ -163,10 +164,8 @@ def read_json(path: Path) -> dict[str, Any]:
 
 def write_text(path: Path, text: str) -> Path:
     """A whole file or none."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    partial.write_text(text, encoding="utf-8")
-    return partial.replace(path)
+    write_atomically(path, lambda file: file.write_text(text, encoding="utf-8"))
+    return path
 
 
 def write_csv(path: Path, headers: Sequence[str], rows: Sequence[Sequence[object]]) -> Path:

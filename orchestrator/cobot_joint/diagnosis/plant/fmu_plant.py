@@ -34,9 +34,8 @@ class Crash:
 
     def __str__(self) -> str:
         values = ", ".join(f"{name} = {x:.6g}" for name, x in self.values.items())
-        return f"{self.said}: {self.runs} runs with it are passed over" + (
-            f", the first with {values}" if values else ""
-        )
+        first = f", the first with {values}" if values else ""
+        return f"{self.said}: {self.runs} runs with it are passed over{first}"
 
 
 class FmuPlant:

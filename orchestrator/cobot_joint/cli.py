@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from functools import partial, wraps
-from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
@@ -30,6 +29,7 @@ from cobot_joint.diagnosis import own_bench
 from cobot_joint.errors import UserError, among
 from cobot_joint.files import results_folder, what_is_missing, write_atomically
 from cobot_joint.interrupts import Interrupted, interruptible
+from cobot_joint.precautions import Precautions, common_first
 from cobot_joint.version import __version__
 
 if TYPE_CHECKING:
@@ -144,18 +144,20 @@ class Changes:
 
 
 _NONE = Changes()
+_NO_PRECAUTIONS = Precautions()
 
 
-def with_changes(command: Callable[..., None]) -> Callable[..., None]:
-    """The command, whose last argument is `Changes`, with a command-line option for each of its fields."""
+def with_options(command: Callable[..., None]) -> Callable[..., None]:
+    """The command, whose last argument is a dataclass of options, with a command-line option for each of its fields."""
     *own, last = inspect.signature(command, eval_str=True).parameters.values()
-    types = get_type_hints(Changes, include_extras=True)
-    names = [field.name for field in fields(Changes)]
+    types = get_type_hints(last.annotation, include_extras=True)
+    names = [field.name for field in fields(last.annotation)]
     options = [inspect.Parameter(n, last.KEYWORD_ONLY, default=None, annotation=types[n]) for n in names]
 
     @wraps(command)
     def called(**given: Any) -> None:
-        command(**{p.name: given[p.name] for p in own}, changes=Changes(**{name: given[name] for name in names}))
+        together = last.annotation(**{name: given[name] for name in names})
+        command(**{p.name: given[p.name] for p in own}, **{last.name: together})
 
     called.__signature__ = inspect.Signature([*own, *options])  # type: ignore[attr-defined]
     called.__annotations__ = {p.name: p.annotation for p in (*own, *options)}
@@ -163,24 +165,17 @@ def with_changes(command: Callable[..., None]) -> Callable[..., None]:
 
 
 @app.callback()
+@with_options
 def common(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show it.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but errors.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Trace an error to where it arose.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Say the answer as JSON.")] = False,
-    isolate: Annotated[bool, typer.Option("--isolate", help="Shipped units, too, in processes of their own.")] = False,
-    time_limit: Annotated[
-        str | None, typer.Option(metavar="S", help="Of one call of an isolated unit.", show_default="30")
-    ] = None,
-    memory_limit: Annotated[
-        str | None, typer.Option(metavar="MB", help="Of an isolated unit.", show_default="4000")
-    ] = None,
+    precautions: Precautions = _NO_PRECAUTIONS,
 ) -> None:
     """What holds for every command."""
-    given = {"COBOT_JOINT_ISOLATE": "all" if isolate else None, "COBOT_JOINT_TIME_LIMIT": time_limit}
-    given |= {"COBOT_JOINT_MEMORY_LIMIT": memory_limit}
-    os.environ |= {name: value for name, value in given.items() if value is not None}  # for worker processes, too
+    precautions.take(context)
     if as_json and context.invoked_subcommand in WITHOUT_JSON:
         allowed = among(sorted(set(_commands()) - WITHOUT_JSON))
         raise UserError(f"--json is given with {context.invoked_subcommand}; allowed it is with {allowed}")
@@ -190,7 +185,7 @@ def common(
 
 
 @app.command(help=RUN_HELP)
-@with_changes
+@with_options
 def run(scenario: Scenario, out: Out = None, show_list: List = False, changes: Changes = _NONE) -> None:
     """See RUN_HELP."""
     say_json(_content(run_and_show(scenario, out, changes)))
@@ -319,25 +314,11 @@ def _progress(name: str) -> Iterator[Any]:
 diagnosis.register(app)
 for command in (own_bench.inspect, own_bench.new):
     app.command()(command)
-FLAGS = ("-q", "--quiet", "-v", "--verbose", "--json", "--isolate")
-VALUED = ("--time-limit", "--memory-limit")
 
 
 def main() -> None:
     """Entry point."""
     sys.exit(_status(common_first(sys.argv[1:])))
-
-
-def common_first(given: list[str]) -> list[str]:
-    """The arguments with those in front that hold for every command and may stand anywhere."""
-    first, rest = [], []
-    arguments = iter(given)
-    for argument in arguments:
-        if argument in FLAGS or argument.partition("=")[0] in VALUED:
-            first += [argument, *(islice(arguments, 1) if argument in VALUED else ())]
-        else:
-            rest.append(argument)
-    return [*first, *rest]
 
 
 def _status(arguments: list[str]) -> int:

@@ -6,6 +6,7 @@ import atexit
 import hashlib
 import lzma
 import os
+import re
 import shutil
 import tempfile
 import time
@@ -29,6 +30,7 @@ MOST_ENTRIES, MOST_BYTES = 10_000, 1_000_000_000  # of an archive, unpacked
 CACHE_BYTES = 2_000_000_000  # of all archives together
 IN_USE = 3600.0  # s since an archive was last asked for, in which a process may still read it
 PARTIAL = "partial-"
+IDENTIFIER = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 TOOL = "cobot-joint"  # the name under which units annotate their modelDescription
 
 
@@ -170,6 +172,9 @@ def _load(path: Path, directory: Path) -> Unit:
         raise UserError(f"{path}: modelDescription.xml: {' '.join(str(error).split())}") from error
     if description.fmiVersion != "2.0" or description.coSimulation is None:
         raise UserError(f"{path}: FMI {description.fmiVersion} is given, FMI 2.0 co-simulation is needed")
+    identifier = description.coSimulation.modelIdentifier
+    if not IDENTIFIER.fullmatch(identifier):  # it names a file
+        raise UserError(f"{path}: modelIdentifier {identifier!r} is given, a name as in C is allowed")
     for unknown in description.outputs:  # here only: what an output feeds through, not the states that it shows
         if unknown.dependencies is not None:
             unknown.dependencies = [v for v in unknown.dependencies if v.causality == "input"]

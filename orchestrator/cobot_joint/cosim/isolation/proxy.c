@@ -117,8 +117,10 @@ static void add_printed(Remote *r) {
 
 static void tell_end(Remote *r, const char *how, long held) {
   Call call = atomic_load(&r->channel->call);
-  const char *what = call >= 0 && call < N_CALLS ? names[call] : "opening its library";
-  add(r, "%s at t = %.9g s %s", what, r->time, how);
+  if (call == CALL_OPEN)
+    add(r, "%s", how);
+  else
+    add(r, "%s at t = %.9g s %s", call >= 0 && call < N_CALLS ? names[call] : "a call", r->time, how);
   const char *before = "; last inputs ";
   int told = 0;
   for (size_t k = 0; k < r->n_inputs && told < TOLD_INPUTS; k++) {

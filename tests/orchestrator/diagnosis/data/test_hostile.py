@@ -58,9 +58,7 @@ def test_two_windows_of_one_file_are_two_recordings(tmp_path: Path) -> None:
 
 
 def test_recordings_in_which_nothing_moves_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(
-        UserError, match="i_motor, w_motor: one value in all recordings"
-    ):
+    with pytest.raises(UserError, match="i_motor, w_motor: one value in all recordings"):
         load_campaign(write(tmp_path, still=True))
 
 

@@ -87,6 +87,10 @@ class SignalsWriter:
 
     def __enter__(self) -> SignalsWriter:
         self.path.parent.mkdir(parents=True, exist_ok=True)
+        for left in self.path.parent.glob(f".{self.path.name}.*.partial"):
+            process = left.name.split(".")[-2]
+            if process.isdigit() and not _runs(int(process)):  # it was killed
+                left.unlink(missing_ok=True)
         try:
             self._writer = self._files.enter_context(
                 pq.ParquetWriter(self.partial, self.schema, compression="zstd", use_dictionary=False)
@@ -123,6 +127,19 @@ class SignalsWriter:
                 self.partial.replace(self.path)
         finally:
             self.partial.unlink(missing_ok=True)
+
+
+def _runs(process: int) -> bool:
+    """Whether there is such a process; where the system does not say without harm, there is."""
+    if os.name != "posix":
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
 
 
 def _array(x: NDArray[np.float64]) -> pa.Array:

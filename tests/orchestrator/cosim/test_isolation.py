@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 import time
@@ -153,6 +154,20 @@ def test_a_run_that_is_killed_leaves_no_process(make_component: MakeComponent, t
     deadline = time.monotonic() + 5
     while hosts() and time.monotonic() < deadline:
         time.sleep(0.05)
+    assert hosts() == []
+
+
+def test_ctrl_c_does_not_wait_for_a_unit_that_hangs(make_component: MakeComponent, tmp_path: Path) -> None:
+    write_ssp(system_of(make_component("sleep_in_DoStep", "crash")), tmp_path / "crash.ssp")
+    command = [sys.executable, "-m", "cobot_joint.cli", "run", "crash.ssp", "--time-limit", "60"]
+    running = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    while not hosts():
+        assert running.poll() is None
+        time.sleep(0.05)
+    time.sleep(0.5)
+    running.send_signal(signal.SIGINT)
+    _, said = running.communicate(timeout=20)
+    assert (running.returncode, said) == (130, "cobot-joint: interrupted\n")
     assert hosts() == []
 
 

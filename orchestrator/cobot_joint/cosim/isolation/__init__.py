@@ -15,6 +15,7 @@ from typing import Literal
 
 from fmpy import platform, sharedLibraryExtension
 
+from cobot_joint import interrupts
 from cobot_joint.cosim import library
 from cobot_joint.errors import UserError, among
 from cobot_joint.paths import CHECKOUT, PACKAGE
@@ -93,6 +94,7 @@ class _Isolation(ctypes.Structure):
         ("input_names", POINTER(c_char_p)),
         ("input_refs", POINTER(c_uint32)),
         ("input_types", c_char_p),
+        ("pending", c_int32),
         ("outcome", c_int32),
     ]
 
@@ -119,6 +121,7 @@ class Isolation:
             input_names=(c_char_p * len(inputs))(*(v.name.encode() for v in inputs)),
             input_refs=(c_uint32 * len(inputs))(*(v.valueReference for v in inputs)),
             input_types="".join(TYPES[v.type] for v in inputs).encode(),
+            pending=interrupts.pending,
         )
 
     def prepare(self) -> None:

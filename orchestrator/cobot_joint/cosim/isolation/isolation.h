@@ -23,6 +23,7 @@ typedef struct {
   const char *const *input_names;
   const uint32_t *input_refs;
   const char *input_types; /* of each: R, I or B */
+  int32_t pending;         /* a file: where it can be read, nobody waits for the unit any more; -1: none */
   int32_t outcome;         /* filled */
 } Isolation;
 

@@ -7,6 +7,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <poll.h>
 #include <sched.h>
 #include <signal.h>
 #include <spawn.h>
@@ -42,7 +43,7 @@ typedef struct {
 typedef struct {
   Channel *channel;
   pid_t pid;
-  int lifeline, printed;
+  int lifeline, printed, pending;
   double time_limit, memory_limit;
   bool stepping;
   double time;
@@ -134,15 +135,15 @@ static void tell_end(Remote *r, const char *how, long held) {
   add_printed(r);
 }
 
-/* Has the process ended? Then `ended` says how. `late`: it has been killed for that. */
-static bool is_gone(Remote *r, bool late) {
+/* Has the process ended? Then `ended` says how. `why`: for what it has been killed; NULL: for nothing. */
+static bool is_gone(Remote *r, const char *why) {
   int status = 0;
   struct rusage usage = {0};
-  pid_t found = wait4(r->pid, &status, late ? 0 : WNOHANG, &usage);
+  pid_t found = wait4(r->pid, &status, why ? 0 : WNOHANG, &usage);
   if (found == 0 || (found < 0 && errno == EINTR)) return false;
   char how[160];
-  if (late)
-    snprintf(how, sizeof how, "did not return within %g s (--time-limit)", r->time_limit);
+  if (why)
+    snprintf(how, sizeof how, "%s", why);
   else if (found > 0 && WIFSIGNALED(status))
     snprintf(how, sizeof how, "crashed (%s)", signal_name(WTERMSIG(status)));
   else if (found > 0)
@@ -160,18 +161,28 @@ static bool is_gone(Remote *r, bool late) {
 
 /* Batches ------------------------------------------------------------------------------------------------------------------- */
 
+static bool is_interrupted(const Remote *r) {
+  struct pollfd file = {.fd = r->pending, .events = POLLIN};
+  return r->pending >= 0 && poll(&file, 1, 0) > 0;
+}
+
+static bool end(Remote *r, const char *why) {
+  kill(r->pid, SIGKILL);
+  while (!is_gone(r, why)) continue;
+  return false;
+}
+
 static bool await(Remote *r, uint32_t before) {
   Channel *channel = r->channel;
   double begun = now();
   while (atomic_load(&channel->answered) == before) {
     wait_while(&channel->answered, before, SLICE_MS * 1e-3);
     if (atomic_load(&channel->answered) != before) break;
-    if (is_gone(r, false)) return false;
-    if (now() - begun > r->time_limit) {
-      kill(r->pid, SIGKILL);
-      while (!is_gone(r, true)) continue;
-      return false;
-    }
+    if (is_gone(r, NULL)) return false;
+    char late[80];
+    snprintf(late, sizeof late, "did not return within %g s (--time-limit)", r->time_limit);
+    if (is_interrupted(r)) return end(r, "was interrupted");
+    if (now() - begun > r->time_limit) return end(r, late);
   }
   return true;
 }
@@ -403,6 +414,7 @@ static Remote *create(const Isolation *wanted, const char *name, const fmi2Callb
   Remote *r = calloc(1, sizeof *r);
   if (!r) return NULL;
   r->lifeline = r->printed = -1;
+  r->pending = wanted->pending;
   r->time_limit = wanted->time_limit;
   r->memory_limit = (double)wanted->memory_limit;
   r->callbacks = *callbacks;

@@ -58,6 +58,7 @@ class FmuPlant:
         self._all: list[Simulation] = []
         self.crashes: dict[tuple[str, str], Crash] = {}  # by component and what became of which call
         self._noting = threading.Lock()
+        self._turn, self._workers, self._closed = threading.Condition(), 0, False
 
     def __enter__(self) -> FmuPlant:
         return self
@@ -65,6 +66,10 @@ class FmuPlant:
     def __exit__(
         self, _type: type[BaseException] | None, _value: BaseException | None, _trace: TracebackType | None
     ) -> None:
+        """Once nobody is at work: an interruption may have left threads that step these units."""
+        with self._turn:
+            self._closed = True
+            self._turn.wait_for(lambda: self._workers == 0)
         for simulation in self._all:
             simulation.close()
         self._all.clear()
@@ -104,18 +109,33 @@ class FmuPlant:
         return {n: x for n, x in values.items() if n not in self.parameters or x != self.parameters[n].nominal}
 
     @contextmanager
+    def _at_work(self) -> Iterator[None]:
+        """SimulationError: the plant is closed."""
+        with self._turn:
+            if self._closed:
+                raise SimulationError("the simulation is over")
+            self._workers += 1
+        try:
+            yield
+        finally:
+            with self._turn:
+                self._workers -= 1
+                self._turn.notify_all()
+
+    @contextmanager
     def _simulation(self, setup: str, ports: bool) -> Iterator[Simulation]:
         """One that no other thread uses. ports: with the additive ones as inputs."""
         idle = self._idle[setup, ports]
-        try:
-            simulation = idle.get_nowait()
-        except queue.Empty:
-            simulation = Simulation((self.systems if ports else self._bare)[setup])
-            self._all.append(simulation)
-        try:
-            yield simulation
-        finally:
-            idle.put(simulation)
+        with self._at_work():
+            try:
+                simulation = idle.get_nowait()
+            except queue.Empty:
+                simulation = Simulation((self.systems if ports else self._bare)[setup])
+                self._all.append(simulation)
+            try:
+                yield simulation
+            finally:
+                idle.put(simulation)
 
 
 def _inputs(systems: Mapping[str, System]) -> Iterator[Port]:

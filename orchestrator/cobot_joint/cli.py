@@ -19,17 +19,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table as Grid
 
 from cobot_joint.diagnosis import commands as diagnosis
 from cobot_joint.diagnosis import own_bench
-from cobot_joint.errors import UserError, among
+from cobot_joint.errors import UserError, among, printable
 from cobot_joint.files import results_folder, what_is_missing, write_atomically
 from cobot_joint.interrupts import Interrupted, interruptible
 from cobot_joint.precautions import Precautions, common_first
+from cobot_joint.screen import Screen
 from cobot_joint.version import __version__
 
 if TYPE_CHECKING:
@@ -69,9 +69,9 @@ app = typer.Typer(
     rich_markup_mode=None,
     help=HELP,
 )
-console = Console()
+console = Screen()
 if not console.is_terminal and "COLUMNS" not in os.environ:
-    console = Console(width=200)  # for a file or another program: a row is a line
+    console = Screen(width=200)  # for a file or another program: a row is a line
 
 
 @dataclass
@@ -304,7 +304,7 @@ def _grid(table: Table) -> Grid:
 def _progress(name: str) -> Iterator[Any]:
     """A bar on stderr with the time left; a callback of (done, of) in s of bench time."""
     columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:.0f} of {task.total:.0f} s")
-    stderr = Console(stderr=True)
+    stderr = Screen(stderr=True)
     times = TimeElapsedColumn(), TimeRemainingColumn()
     with Progress(*columns, *times, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
         task = bar.add_task(name, total=1.0)
@@ -359,7 +359,7 @@ def _usage(error: typer.TyperException) -> str:
 def _say(what: object, status: int) -> int:
     if output.verbose:
         traceback.print_exc()
-    print(f"cobot-joint: {' '.join(str(what).split())}", file=sys.stderr)
+    print(f"cobot-joint: {printable(' '.join(str(what).split()))}", file=sys.stderr)
     return status
 
 

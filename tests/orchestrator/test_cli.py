@@ -227,3 +227,13 @@ def test_demo_says_where_the_pictures_are(tmp_path: Path) -> None:
     said = done.stdout.split("The pictures are")[1].split()
     assert [Path(p).name for p in said] == ["frequency_response.png", "signals.png"]
     assert all((tmp_path / p).stat().st_size > 10_000 for p in said)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="file names there hold no control characters")
+def test_control_characters_of_files_are_shown_and_not_carried_out(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text('title = "\\u001b[31mred"\nsystem = "joint"\nstop_time = 0.01\n')
+    (tmp_path / "a\x1b[31m.csv").write_text("time [s],v [V]\n" + "\n".join(f"{k / 1000},{k}" for k in range(99)))
+    for words in (["run", "s.toml"], ["inspect", "a\x1b[31m.csv"], ["inspect", "none\x1b[31m.csv"]):
+        done = cobot_joint(*words, folder=tmp_path)
+        assert "\x1b" not in done.stdout + done.stderr
+        assert r"\x1b[31m" in done.stdout + done.stderr

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 from rich.progress import (
     BarColumn,
@@ -26,10 +25,11 @@ from rich.table import Table
 from cobot_joint.errors import UserError
 from cobot_joint.files import results_folder, writable
 from cobot_joint.interrupts import resumable
+from cobot_joint.screen import Screen
 
-console = Console()
+console = Screen()
 if not console.is_terminal:
-    console = Console(width=160)
+    console = Screen(width=160)
 VARIANTS = ("nominal", "calibrated", "repaired")
 
 CampaignFile = Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="A campaign, or the folder that holds it.")]
@@ -163,7 +163,7 @@ def prove(
     if out is not None:
         results_folder(out)
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
-    stderr = Console(stderr=True)
+    stderr = Screen(stderr=True)
     bar = Progress(*columns, TimeRemainingColumn(), console=stderr, transient=True, disable=not stderr.is_terminal)
     with resumable(), bar:
         task = bar.add_task("cases", total=len(cases_of(folder)))
@@ -259,7 +259,7 @@ def _figures(title: str, channels: dict[str, dict[str, Any]], units: dict[str, s
 @contextmanager
 def _stages() -> Iterator[Callable[[str], None]]:
     """What is being done, on stderr; a callback of words. Without a terminal: a line per stage, with the time."""
-    stderr, begun = Console(stderr=True), time.monotonic()
+    stderr, begun = Screen(stderr=True), time.monotonic()
     if not stderr.is_terminal:
         yield _Lines(begun)
         return

@@ -57,7 +57,7 @@ def test_a_failed_run_is_reported_and_stops_nothing(make_gain: MakeSystem) -> No
 @pytest.mark.parametrize(
     ("isolated", "told"),
     [
-        ("foreign", "SimulationError: gain: fmi2DoStep at t = 0.5 s crashed (SIGABRT: "),
+        ("foreign", "UnitEndedError: gain: fmi2DoStep at t = 0.5 s crashed (SIGABRT: "),
         ("none", "the process that ran it died: a unit crashed"),
     ],
 )

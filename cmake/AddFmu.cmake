@@ -14,6 +14,11 @@ else()
   set(FMI_PLATFORM linux64)
 endif()
 
+set(STRIPPED -Wl,-s)
+if(APPLE)
+  set(STRIPPED -Wl,-x)
+endif()
+
 set(FMU_OUTPUT_DIR ${CMAKE_BINARY_DIR}/fmus)
 file(MAKE_DIRECTORY ${FMU_OUTPUT_DIR})
 file(GLOB FMI2_GLUE CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/fmus/fmi2/*.[ch] ${CMAKE_SOURCE_DIR}/fmus/fmi2/*.def)
@@ -24,14 +29,16 @@ function(add_fmu name)
   set(tree ${CMAKE_BINARY_DIR}/units/${name})
   file(GLOB physics CONFIGURE_DEPENDS ${source}/*.c ${source}/*.h ${source}/*.def)
   file(MAKE_DIRECTORY ${tree}/fmu/sources/fmi2 ${tree}/fmu/sources/friction ${tree}/fmu/sources/${name} ${tree}/fmu/documentation
-       ${tree}/fmu/resources ${tree}/fmu/binaries/${FMI_PLATFORM})
+       ${tree}/fmu/binaries/${FMI_PLATFORM})
   set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${physics} ${FMI2_GLUE} ${FRICTION})
   guid_of_sources(guid ${physics} ${FMI2_GLUE} ${FRICTION})
   # compiled from here, shipped from there: beside the shipped one lie copies of the glue, which may be older
-  foreach(all ${tree}/all.c ${tree}/fmu/sources/all.c)
-    file(CONFIGURE OUTPUT ${all} CONTENT
-         "#define MODEL_DEF \"@name@/model.def\"\n#define EQUATIONS \"@name@/equations.c\"\n#define UNIT_GUID \"@guid@\"\n#include \"fmi2/fmi2.c\"\n" @ONLY)
-  endforeach()
+  set(prefix "")
+  configure_file(${CMAKE_SOURCE_DIR}/cmake/all.c.in ${tree}/all.c @ONLY)
+  # FMI 2.0.4, 2.1.1: sources that are linked with other units' carry the name of theirs
+  set(prefix "#define FMI2_FUNCTION_PREFIX ${name}_\n")
+  configure_file(${CMAKE_SOURCE_DIR}/cmake/all.c.in ${tree}/fmu/sources/all.c @ONLY)
+  configure_file(${CMAKE_SOURCE_DIR}/cmake/buildDescription.xml.in ${tree}/fmu/sources/buildDescription.xml @ONLY)
 
   add_library(${name} MODULE ${tree}/all.c)
   target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR}/fmus ${FMI2_INCLUDE_DIR})
@@ -46,6 +53,7 @@ function(add_fmu name)
   else()
     target_compile_options(${name} PRIVATE -O3 -fno-math-errno -fno-trapping-math ${STRICT_WARNINGS})
     target_link_libraries(${name} PRIVATE m)
+    target_link_options(${name} PRIVATE $<$<CONFIG:Release>:${STRIPPED}>)
   endif()
 
   add_executable(describe_${name} ${CMAKE_SOURCE_DIR}/fmus/fmi2/describe.c)
@@ -67,10 +75,9 @@ function(add_fmu name)
     COMMAND ${CMAKE_COMMAND} -E copy_if_different ${physics} ${tree}/fmu/sources/${name}
     COMMAND ${CMAKE_COMMAND} -E copy_if_different ${CMAKE_SOURCE_DIR}/LICENSE ${tree}/fmu/documentation
     COMMAND ${CMAKE_COMMAND} -E copy_if_different ${icon} ${tree}/fmu
-    COMMAND ${CMAKE_COMMAND} -E rm -f ${FMU_OUTPUT_DIR}/${name}.fmu
-    COMMAND ${CMAKE_COMMAND} -E chdir ${tree}/fmu ${CMAKE_COMMAND} -E tar cf ${FMU_OUTPUT_DIR}/${name}.fmu --format=zip
-            modelDescription.xml documentation sources resources binaries model.png
-    DEPENDS ${name} describe_${name} ${physics} ${FMI2_GLUE} ${FRICTION} ${icon}
+    COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/orchestrator/cobot_joint/pack.py ${tree}/fmu ${FMU_OUTPUT_DIR}/${name}.fmu
+    DEPENDS ${name} describe_${name} ${physics} ${FMI2_GLUE} ${FRICTION} ${icon} ${CMAKE_SOURCE_DIR}/orchestrator/cobot_joint/pack.py
+            ${tree}/fmu/sources/all.c ${tree}/fmu/sources/buildDescription.xml
     COMMAND_EXPAND_LISTS VERBATIM
     COMMENT "${name}.fmu")
   add_custom_target(${name}_fmu ALL DEPENDS ${FMU_OUTPUT_DIR}/${name}.fmu)

@@ -18,7 +18,7 @@ MOST_LINES, MOST_ARGUMENTS, MOST_FILES = 60, 7, 14
 ROOMS = [
     "version.py",
     "errors.py",
-    "files.py interrupts.py paths.py precautions.py screen.py",
+    "files.py interrupts.py pack.py paths.py precautions.py screen.py",
     "xml.py",
     "units.py",
     "system",
@@ -36,6 +36,7 @@ ROOMS = [
     "diagnosis/localization",
     "diagnosis/candidates",
     "diagnosis/selection",
+    "diagnosis/anchored",
     "diagnosis/experiments",
     "diagnosis/repair",
     "diagnosis/report",

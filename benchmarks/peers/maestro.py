@@ -30,19 +30,19 @@ def _children() -> float:
     return usage.ru_utime + usage.ru_stime
 
 
-def _without_enumerations(source: str, path: Path) -> Path:
-    """A copy of an FMU whose enumerations are called integers: its initialiser fails on enumerations."""
+def _without_slopes(source: str, path: Path) -> Path:
+    """A copy of an FMU that declares no derivatives: of one that does, it asks for those of its states' derivatives."""
     with zipfile.ZipFile(source) as unit, zipfile.ZipFile(path, "w") as copy:
         for name in unit.namelist():
             content = unit.read(name)
             if name == "modelDescription.xml":
-                content = re.sub(rb'<Enumeration declaredType="[^"]*"', b"<Integer", content)
+                content = re.sub(rb' (maxOutputDerivativeOrder|canInterpolateInputs)="\w+"', b"", content)
             copy.writestr(name, content)
     return path
 
 
 def run(wiring: Wiring, folder: Path) -> Run:
-    units = {name: _without_enumerations(path, folder / f"{name}.fmu") for name, path in wiring.units.items()}
+    units = {name: _without_slopes(path, folder / f"{name}.fmu") for name, path in wiring.units.items()}
     model = folder / "model.json"
     experiment = folder / "experiment.json"
     place = "{{{0}}}.{0}.{1}".format

@@ -4,6 +4,8 @@
 
 #include <string.h>
 
+enum { TEXT_SIZE = 512 };
+
 typedef struct {
   const char *name, *title, *equation, *source, *amplitude;
   double neutral;
@@ -144,19 +146,34 @@ static void xml_real(int i) {
   printf("/></ScalarVariable>\n");
 }
 
+/* the option at `*at`, which moves on behind it; NULL behind the last */
+static const char *next_option(const char **at, int *length) {
+  const char *option = *at;
+  if (!*option) return NULL;
+  *length = (int)strcspn(option, "|");
+  *at += *length + (option[*length] == '|');
+  return option;
+}
+
+/* "which model (1 averaged, 2 simscape)": with names that every importer shows, since some refuse enumerations */
+static const char *with_options(char out[TEXT_SIZE], const DiscreteInfo *r) {
+  if (!r->options) return r->text;
+  int used = snprintf(out, TEXT_SIZE, "%s (", r->text), length;
+  const char *at = r->options, *option;
+  for (int n = 1; used < TEXT_SIZE && (option = next_option(&at, &length)) != NULL; n++)
+    used += snprintf(out + used, (size_t)(TEXT_SIZE - used), "%d %.*s%s", n, length, option, *at ? ", " : ")");
+  return out;
+}
+
 static void xml_integer(int i) {
   const DiscreteInfo *r = &INTEGER_INFO[i];
   const int parameter = r->kind == IS_PARAMETER;
-  scalar(r->term, r->name, (unsigned)i, r->text, parameter ? "parameter" : "output", parameter ? "fixed" : "discrete",
-         parameter ? "exact" : "calculated");
-  char full[NAME_SIZE];
-  if (r->options)
-    printf("<Enumeration declaredType=\"%s\" start=\"%d\"/>", full_name(full, r->term, r->name), r->start);
-  else if (parameter)
-    printf("<Integer min=\"%d\" max=\"%d\" start=\"%d\"/>", r->min, r->max, r->start);
-  else
-    printf("<Integer min=\"%d\" max=\"%d\"/>", r->min, r->max);
-  printf("</ScalarVariable>\n");
+  char text[TEXT_SIZE];
+  scalar(r->term, r->name, (unsigned)i, with_options(text, r), parameter ? "parameter" : "output",
+         parameter ? "fixed" : "discrete", parameter ? "exact" : "calculated");
+  printf("<Integer min=\"%d\" max=\"%d\"", r->min, r->options ? option_count(r->options) : r->max);
+  if (parameter) printf(" start=\"%d\"", r->start);
+  printf("/></ScalarVariable>\n");
 }
 
 static void xml_boolean(int i) {
@@ -244,6 +261,21 @@ static int xml_structure(void) {
   return bad;
 }
 
+/* Integers whose values have names */
+static void xml_choices(void) {
+  char full[NAME_SIZE];
+  int length;
+  for (int i = 1; i < N_INTEGER; i++) {
+    const DiscreteInfo *r = &INTEGER_INFO[i];
+    if (!r->options) continue;
+    printf("      <Choice name=\"%s\">", full_name(full, r->term, r->name));
+    const char *at = r->options, *option;
+    for (int n = 1; (option = next_option(&at, &length)) != NULL; n++)
+      printf("<Item name=\"%.*s\" value=\"%d\"/>", length, option, n);
+    printf("</Choice>\n");
+  }
+}
+
 static void xml_annotations(void) {
   char full[NAME_SIZE];
   printf("  <VendorAnnotations>\n    <Tool name=\"cobot-joint\"><Physics>\n");
@@ -263,26 +295,8 @@ static void xml_annotations(void) {
   for (const FlangeInfo *f = FLANGE_INFO; f->name; f++)
     printf("      <Flange name=\"%s\" phi=\"%s\" w=\"%s\" tau=\"%s\" W=\"%s\" W_abs=\"%s\" role=\"%s\"/>\n", f->name,
            f->phi, f->w, f->tau, f->W, f->W_abs, f->role);
+  xml_choices();
   printf("    </Physics></Tool>\n  </VendorAnnotations>\n");
-}
-
-static void xml_enumerations(void) {
-  char full[NAME_SIZE];
-  int any = 0;
-  for (int i = 1; i < N_INTEGER; i++) {
-    const DiscreteInfo *r = &INTEGER_INFO[i];
-    if (!r->options) continue;
-    if (!any++) printf("  <TypeDefinitions>\n");
-    printf("    <SimpleType name=\"%s\"><Enumeration>", full_name(full, r->term, r->name));
-    const char *option = r->options;
-    for (int n = 1; *option; n++) {
-      const size_t length = strcspn(option, "|");
-      printf("<Item name=\"%.*s\" value=\"%d\"/>", (int)length, option, n);
-      option += length + (option[length] == '|');
-    }
-    printf("</Enumeration></SimpleType>\n");
-  }
-  if (any) printf("  </TypeDefinitions>\n");
 }
 
 static void xml_unit(const char *name, const UnitOfMeasure *u, int per_second) {
@@ -323,7 +337,6 @@ static int xml(const char *version) {
       xml_unit(per_second, &UNITS[i], 1);
   }
   printf("  </UnitDefinitions>\n");
-  xml_enumerations();
   printf("  <LogCategories><Category name=\"logStatusError\" description=\"why a call was refused or failed\"/>"
          "<Category name=\"logEvents\" description=\"located events\"/></LogCategories>\n");
   printf("  <DefaultExperiment startTime=\"0\" stopTime=\"1\" tolerance=\"1e-06\" stepSize=\"0.001\"/>\n");
@@ -346,84 +359,7 @@ static int xml(const char *version) {
   return bad;
 }
 
-/* ---- reference page -------------------------------------------------------------------------------------------- */
-
-static void cell(const char *text) {
-  printf("<td>");
-  escaped(text);
-  printf("</td>");
-}
-
-static void html_rows(const char *term, Kind kind) {
-  char full[NAME_SIZE], range[96] = "";
-  for (int i = 0; i < N_PUBLIC; i++) {
-    const RealInfo *r = &REAL_INFO[i];
-    if (r->kind != kind || strcmp(r->term, term) != 0) continue;
-    if (kind == IS_PARAMETER) snprintf(range, sizeof range, "%g (%g to %g)", r->start, r->min, r->max);
-    printf("<tr>");
-    cell(full_name(full, r->term, r->name));
-    cell(range);
-    cell(r->unit);
-    cell(r->text);
-    printf("</tr>\n");
-  }
-  const DiscreteInfo *sets[] = {INTEGER_INFO, BOOLEAN_INFO};
-  const int counts[] = {N_INTEGER, N_BOOLEAN};
-  for (int s = 0; s < 2; s++)
-    for (int i = 1; i < counts[s]; i++) {
-      const DiscreteInfo *r = &sets[s][i];
-      if (r->kind != kind || strcmp(r->term, term) != 0) continue;
-      printf("<tr>");
-      cell(full_name(full, r->term, r->name));
-      cell(r->options ? r->options : "");
-      cell(s == 0 ? "Integer" : "Boolean");
-      cell(r->text);
-      printf("</tr>\n");
-    }
-}
-
-static void html_ports(const char *title, Kind kind) {
-  printf("<h2>%s</h2>\n<table>\n", title);
-  html_rows("", kind);
-  printf("</table>\n");
-}
-
-static int html(const char *version) {
-  printf("<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>%s</title>\n"
-         "<style>body{font:16px/1.5 system-ui,sans-serif;max-width:60em;margin:2em auto;padding:0 "
-         "1em}table{border-collapse:collapse}"
-         "td{padding:.2em .8em .2em 0;vertical-align:top;border-bottom:1px solid "
-         "#ddd}code{background:#f4f4f4;padding:.1em .3em}"
-         "img{float:right;width:128px}</style></head>\n<body>\n<img src=\"model.png\" alt=\"\">\n<h1>%s</h1>\n<p>",
-         UNIT_NAME, UNIT_NAME);
-  escaped(UNIT_TITLE);
-  printf(". ");
-  escaped(UNIT_TEXT);
-  printf("</p>\n<p>FMI 2.0 co-simulation, version %s, GUID <code>%s</code>. SI units. Every term is off at its neutral "
-         "value.</p>\n",
-         version, UNIT_GUID);
-  html_ports("Inputs", IS_INPUT);
-  html_ports("States", IS_STATE);
-  html_ports("Outputs", IS_OUTPUT);
-  html_ports("Work at the ports", IS_INTEGRAL);
-  for (int optional = 0; optional < 2; optional++) {
-    printf("<h2>%s</h2>\n", optional ? "Terms that can be switched on" : "Base model");
-    for (const TermInfo *t = TERM_INFO; t->name; t++) {
-      if ((t->amplitude != NULL) != optional) continue;
-      printf("<h3 id=\"%s\">%s: ", t->name, t->name);
-      escaped(t->title);
-      printf("</h3>\n<p><code>");
-      escaped(t->equation);
-      printf("</code><br>Source: ");
-      escaped(t->source);
-      printf("</p>\n<table>\n");
-      html_rows(t->name, IS_PARAMETER);
-      printf("</table>\n");
-    }
-  }
-  printf("</body></html>\n");
-  return 0;
-}
+#include "fmi2/reference_page.h"
 
 int main(int argc, char *argv[]) {
   if (argc == 3 && strcmp(argv[1], "xml") == 0) return xml(argv[2]);

@@ -15,7 +15,7 @@
 #ifndef SHAPE /* (term, name, unit, start, min, max, scan from, scan to, lin|log, points, description) */
 #define SHAPE(...)
 #endif
-#ifndef CHOICE /* (term, name, start, "first|second|...", description): enumeration, counted from 1 */
+#ifndef CHOICE /* (term, name, start, "first|second|...", description): an Integer whose values, from 1 on, have names */
 #define CHOICE(...)
 #endif
 #ifndef COUNT /* (term, name, start, min, max, description): integer parameter */

@@ -26,7 +26,7 @@ typedef struct {
   Kind kind;
   const char *term, *name;
   int start, min, max;
-  const char *options; /* enumeration: its items, else NULL */
+  const char *options; /* of a CHOICE, else NULL */
   const char *text, *feeds;
 } DiscreteInfo;
 
@@ -91,7 +91,7 @@ static inline const char *full_name(char out[NAME_SIZE], const char *term, const
   return out;
 }
 
-/* how many items an enumeration has */
+/* how many options a CHOICE has */
 static inline int option_count(const char *options) {
   int n = 1;
   for (; *options; options++) n += *options == '|';

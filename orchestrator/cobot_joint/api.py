@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from cobot_joint.cosim import Advance, Experiment, simulate, simulate_many
+from cobot_joint.cosim.energy import warn_of_residuals
 from cobot_joint.errors import UserError
 from cobot_joint.files import results_folder
 from cobot_joint.results.diagnosed import Diagnosed
@@ -41,11 +42,15 @@ def run(
     parameters  `component.variable` -> value, SI units, over those of system and experiment
     progress    called with (simulated time, stop time), s, now and then
 
-    Signals come in the units of the system's connectors (`Result.units`). UserError: a name, file, value or time that
-    is wrong, in one line. SimulationError: a unit failed; which, where, and what it said.
+    Signals come in the units of the system's connectors (`Result.units`). Where more than 1 % of the energy that flows
+    between two units is lost or made, the log `cobot_joint` has a warning.
+    UserError: a name, file, value or time that is wrong, in one line. SimulationError: a unit failed; which, where,
+    and what it said.
     """
     system, experiment = _resolved(system, experiment)
-    return simulate(with_parameters(system, parameters or {}), experiment, progress)
+    result = simulate(with_parameters(system, parameters or {}), experiment, progress)
+    warn_of_residuals(result.energy)
+    return result
 
 
 def sweep(

@@ -14,7 +14,8 @@ import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
-from functools import partial, wraps
+from enum import Enum
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
@@ -26,7 +27,7 @@ from rich.table import Table as Grid
 from cobot_joint.diagnosis import commands as diagnosis
 from cobot_joint.diagnosis import own_bench
 from cobot_joint.errors import UserError, among, printable
-from cobot_joint.files import results_folder, what_is_missing, write_atomically
+from cobot_joint.files import results_folder, what_is_missing
 from cobot_joint.interrupts import Interrupted, interruptible
 from cobot_joint.precautions import Precautions, common_first
 from cobot_joint.screen import Screen
@@ -51,6 +52,7 @@ Examples:
   cobot-joint run load_mr_brake --set stop_time=5 --set motor_bldc.winding.R=0.22
   cobot-joint run no_load --level comprehensive --scheme iterative --step 1e-3
   cobot-joint run load_mr_brake --unit planetary_gear=my_gear.fmu
+  cobot-joint run load_mr_brake --unit planetary_gear=my_gear.fmu:tau=tau_m,w_o=-speed,J_coupled=
   cobot-joint run my_system.ssp --out results/mine
 
 \b
@@ -60,6 +62,17 @@ Coupling schemes:
   gauss_seidel_extrapolated  the same, feedback continued quadratically
   iterative                  swept again until the feedback is met
   adaptive                   step controlled by the coupling error (default)
+"""
+
+CHECK_HELP = """Whether an FMU of yours can take a component's place, and what it lacks.
+
+Looks at its ports, runs it alone, and says in words what is missing: `no` means that it cannot be used as it is (exit
+status 1), `lacks` that something is done without, and what that costs.
+
+\b
+Examples:
+  cobot-joint check my_gear.fmu --as planetary_gear
+  cobot-joint check my_gear.fmu:tau=tau_m,w_o=-speed,J_coupled= --as planetary_gear
 """
 
 app = typer.Typer(
@@ -72,6 +85,14 @@ app = typer.Typer(
 console = Screen()
 if not console.is_terminal and "COLUMNS" not in os.environ:
     console = Screen(width=200)  # for a file or another program: a row is a line
+
+
+class Importer(Enum):
+    """For whom a system is exported."""
+
+    ANY = "any"
+    ECOS = "ecos"
+    LIBCOSIM = "libcosim"
 
 
 @dataclass
@@ -117,7 +138,10 @@ class Changes:
     ] = None
     unit: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=FILE", help="An FMU in the place of a component's own; repeatable."),
+        typer.Option(
+            metavar="NAME=FILE[:PORTS]",
+            help="An FMU in a component's place; PORTS where its names differ: tau=tau_m,w=-speed; repeatable.",
+        ),
     ] = None
     level: Annotated[
         str | None, typer.Option(help="transfer_function, averaged, simscape or comprehensive: the motor's model.")
@@ -204,20 +228,57 @@ def demo(out: Annotated[Path, typer.Option(help="Folder for the results.")] = Pa
 def export(
     out: Annotated[Path, typer.Option(help="Folder to write to.")] = Path("export"),
     system: Annotated[str, typer.Option(help="A shipped system by name, or an .ssd or .ssp file.")] = "joint",
+    unit: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="A shipped unit that the system does not hold; repeatable.")
+    ] = None,
+    all_platforms: Annotated[
+        bool, typer.Option("--all-platforms", help="Compile the units for Linux, Windows and macOS (needs ziglang).")
+    ] = False,
+    flat_names: Annotated[
+        bool, typer.Option("--flat-names", help="friction_tau_C for friction.tau_C: some importers take no dots.")
+    ] = False,
+    importer: Annotated[
+        Importer, typer.Option("--for", help="ecos and libcosim take no wires at the system's own connectors.")
+    ] = Importer.ANY,
 ) -> None:
     """The units as FMUs, and the system as one .ssp, for other simulators."""
-    from cobot_joint.system import fmu_names, load_system, write_ssp
+    from cobot_joint.system import fmu_names, load_system, without_own_wires, write_fmu, write_fmus, write_ssp
+    from cobot_joint.system.flat_names import flatten
+    from cobot_joint.system.osp import write_osp
+    from cobot_joint.system.platforms import compile_for_all
+    from cobot_joint.units import find_fmu, load_unit
 
-    loaded = load_system(system)
-    results_folder(out)
-    files, names = [], fmu_names(loaded)
-    for name, path in {names[c.name]: c.unit.path for c in loaded.components}.items():
-        write_atomically(out / name, partial(_copy, path))
-        files.append(out / name)
-    files.append(write_ssp(loaded, out / f"{loaded.name}.ssp"))
+    wanted = [change for change, asked in ((flatten, flat_names), (compile_for_all, all_platforms)) if asked]
+    exported = write_fmus(load_system(system), results_folder(out), wanted)
+    files = [out / name for name in dict.fromkeys(fmu_names(exported).values())]
+    files += [write_fmu(load_unit(find_fmu(f"{name}.fmu")), out / f"{name}.fmu", wanted) for name in unit or []]
+    if importer is Importer.LIBCOSIM:
+        files.append(write_osp(exported, out / "OspSystemStructure.xml"))
+    if importer is not Importer.ANY:
+        exported = without_own_wires(exported)
+    files.append(write_ssp(exported, out / f"{exported.name}.ssp"))
     for file in files:
         console.print(file, soft_wrap=True)
     say_json({"files": [str(file) for file in files]})
+
+
+@app.command(help=CHECK_HELP)
+def check(
+    fmu: Annotated[str, typer.Argument(metavar="FMU[:PORTS]", help="An FMU; PORTS where its names differ.")],
+    place: Annotated[str, typer.Option("--as", metavar="NAME", help="The component in whose place it would come.")],
+    system: Annotated[str, typer.Option(help="A system by name, or an .ssd or .ssp file.")] = "joint",
+) -> None:
+    """See CHECK_HELP."""
+    from cobot_joint.cosim.foreign.standalone import examine
+    from cobot_joint.scenario.report import Table
+    from cobot_joint.system import load_system
+
+    findings = examine(load_system(system), place, fmu)
+    rows = [(f.verdict, f.what, f.detail) for f in findings]
+    console.print(_grid(Table(f"{fmu} as {place} of {system}", ["", "looked at", "found"], rows)))
+    say_json({"findings": [{"verdict": v, "what": what, "detail": detail} for v, what, detail in rows]})
+    if "no" in {f.verdict for f in findings}:
+        raise typer.Exit(1)
 
 
 def run_and_show(scenario: str, out: Path | None, changes: Changes) -> Report:
@@ -258,10 +319,6 @@ def list_scenarios() -> None:
     console.print(grid)
 
 
-def _copy(source: Path, file: Path) -> None:
-    file.write_bytes(source.read_bytes())
-
-
 def say_json(content: object) -> None:
     """On stdout, where `--json` is given."""
     if output.as_json:
@@ -293,8 +350,9 @@ def _pairs(option: str, texts: list[str] | None, allowed: str) -> dict[str, str]
 def _grid(table: Table) -> Grid:
     grid = Grid(title=escape(table.title), title_justify="left", title_style="bold")
     for k, name in enumerate(table.headers):
-        text = any(isinstance(row[k], str) for row in table.rows)
-        grid.add_column(escape(name), justify="left" if text and k == 0 else "right", overflow="fold")
+        texts = [isinstance(row[k], str) for row in table.rows]
+        left = all(texts) or (k == 0 and any(texts))
+        grid.add_column(escape(name), justify="left" if left else "right", overflow="fold")
     for row in table.rows:
         grid.add_row(*(escape(cell) if isinstance(cell, str) else f"{cell:.5g}" for cell in row))
     return grid

@@ -83,6 +83,7 @@ class Unit:
     description: ModelDescription = field(repr=False)
     terms: tuple[Term, ...] = field(default=(), repr=False)
     flanges: tuple[Flange, ...] = field(default=(), repr=False)
+    named_values: Mapping[str, Mapping[str, int]] = field(default_factory=dict, repr=False)
 
     @property
     def name(self) -> str:
@@ -117,11 +118,17 @@ class Unit:
             for unknown in self.description.outputs
         }
 
+    def choices_of(self, variable: str) -> Mapping[str, int]:
+        """Name -> value, of an enumeration or of an Integer whose values the unit's annotations name; else nothing."""
+        declared = self.variables[variable].declaredType
+        if declared is not None and declared.items:
+            return {str(item.name): int(item.value) for item in declared.items}
+        return self.named_values.get(variable, {})
+
     def bounds_of(self, variable: str) -> tuple[float | None, float | None]:
-        """(min, max) of a variable or of its declared type, None where open; an enumeration's first and last value."""
+        """(min, max) of a variable or of its declared type, None where open; the first and last of named values."""
         v, t = self.variables[variable], self.variables[variable].declaredType
-        if t is not None and t.items:
-            values = [int(item.value) for item in t.items]
+        if values := self.choices_of(variable).values():
             return min(values), max(values)
         lower = v.min if v.min is not None else t.min if t else None
         upper = v.max if v.max is not None else t.max if t else None
@@ -181,11 +188,13 @@ def _load(path: Path, directory: Path) -> Unit:
     annotations = root.find(f"VendorAnnotations/Tool[@name='{TOOL}']")
     terms: tuple[Term, ...] = ()
     flanges: tuple[Flange, ...] = ()
+    choices: dict[str, dict[str, int]] = {}
     if annotations is not None:
         where = f"{path}: VendorAnnotations"
         terms = tuple(_term(element, where) for element in annotations.iterfind(".//Term"))
         flanges = tuple(_flange(element, where) for element in annotations.iterfind(".//Flange"))
-    unit = Unit(path, directory, description, terms, flanges)
+        choices = dict(_choice(element, where) for element in annotations.iterfind(".//Choice"))
+    unit = Unit(path, directory, description, terms, flanges, choices)
     _check_annotations(unit)
     return unit
 
@@ -225,9 +234,17 @@ def _flange(element: xml.etree._Element, where: str) -> Flange:
     return Flange(**names, role="gives" if role == "gives" else "takes")
 
 
+def _choice(element: xml.etree._Element, where: str) -> tuple[str, dict[str, int]]:
+    try:
+        return element.attrib["name"], {e.attrib["name"]: int(e.attrib["value"]) for e in element.iterfind("Item")}
+    except (KeyError, ValueError) as error:
+        raise UserError(f"{where}: Choice {element.get('name')!r}: {error}") from error
+
+
 def _check_annotations(unit: Unit) -> None:
     named = [name for term in unit.terms for name in (term.amplitude, *(s.name for s in term.shapes)) if name]
     named += [name for f in unit.flanges for name in (f.phi, f.w, f.tau, f.W, f.W_abs)]
+    named += unit.named_values
     for name in named:
         if name not in unit.variables:
             raise UserError(f"{unit.path}: VendorAnnotations name {name!r}, which is no variable of the unit")

@@ -88,6 +88,27 @@ def test_archive_holds_page_icon_and_sources(load: Load, name: str) -> None:
         assert f'id="{term.name}"' in page
 
 
+def test_no_type_has_a_variables_name(load: Load, name: str) -> None:
+    """FMI 2.0.4, 2.2.3: the name of a type is unique among those of types and of variables"""
+    unit = load(name)
+    types = [t.name for t in unit.description.typeDefinitions]
+    assert len(set(types)) == len(types)
+    assert set(types).isdisjoint(unit.variables)
+
+
+def test_choices_are_integers_whose_values_are_named_in_their_descriptions(load: Load, name: str) -> None:
+    """importers refuse enumerations, leave them out, or set them as Reals"""
+    unit = load(name)
+    assert "Enumeration" not in {v.type for v in unit.variables.values()}
+    table = (Path(__file__).parents[2] / "fmus" / name / "model.def").read_text(encoding="utf-8")
+    assert bool(unit.named_values) == ("CHOICE(" in table)
+    for variable, values in unit.named_values.items():
+        v = unit.variables[variable]
+        assert (v.type, int(v.min), int(v.max)) == ("Integer", 1, len(values))
+        assert list(values.values()) == list(range(1, len(values) + 1))
+        assert v.description.endswith(f"({', '.join(f'{n} {item}' for item, n in values.items())})")
+
+
 def test_every_real_has_a_unit_and_every_moving_one_a_nominal_value(load: Load, name: str) -> None:
     for variable in load(name).variables.values():
         if variable.type == "Real":
@@ -247,6 +268,17 @@ def test_reset_starts_over(make: Make, name: str) -> None:
     slave.fmu.reset()
     slave.initialise(BASE.get(name))
     np.testing.assert_array_equal(excite(slave), first)
+
+
+def test_no_unit_is_integrated_more_loosely_than_is_sound(make: Make, name: str) -> None:
+    """whatever a master suggests: Maestro gives 0.1 unasked"""
+    np.testing.assert_array_equal(excite(make(name, tolerance=0.1)), excite(make(name, tolerance=1e-4)))
+
+
+def test_a_tighter_tolerance_counts(make: Make) -> None:
+    assert not np.array_equal(
+        excite(make("planetary_gear", tolerance=1e-9)), excite(make("planetary_gear", tolerance=1e-4))
+    )
 
 
 def test_output_derivatives_are_those_of_the_outputs(load: Load, make: Make, name: str) -> None:

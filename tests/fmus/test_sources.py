@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,11 +13,14 @@ import fmpy
 import numpy as np
 import pytest
 from fmpy import platform
+from fmpy.build import build_platform_binary
 
 from cobot_joint.units import Unit
 
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 FLAGS = ["-std=c11", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fno-math-errno", "-fno-trapping-math"]
+
+UNITS = sorted(table.parent.name for table in (Path(__file__).parents[2] / "fmus").glob("*/model.def"))
 
 Load = Callable[[str], Unit]
 
@@ -45,8 +49,9 @@ def test_sources_compile_and_behave_bit_by_bit_like_the_binary(
     library.unlink()
     source = copy / "sources"
     compile_c(
-        compiler, *FLAGS, "-O2", "-shared", "-fPIC", "-I", source, "-I", HEADERS, source / "all.c", "-o", library, "-lm"
-    )
+        compiler, *FLAGS, "-O2", "-shared", "-fPIC", "-DFMI2_OVERRIDE_FUNCTION_PREFIX", "-I", source,
+        "-I", HEADERS, source / "all.c", "-o", library, "-lm",
+    )  # fmt: skip
     archive = Path(shutil.make_archive(str(tmp_path / f"{name}_rebuilt"), "zip", copy)).rename(tmp_path / f"{name}.fmu")
 
     results = []
@@ -58,6 +63,90 @@ def test_sources_compile_and_behave_bit_by_bit_like_the_binary(
         out = slave.run(0.2, 1e-3, slave.outputs(), waves)
         results.append(np.array([out[n] for n in slave.outputs()]))
     np.testing.assert_array_equal(*results)
+
+
+@pytest.fixture(scope="module")
+def standard_headers(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The FMI headers with the standard's prefix, which FMPy takes out of its copy."""
+    folder = tmp_path_factory.mktemp("headers")
+    for header in ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"):
+        shutil.copy(HEADERS / header, folder)
+    functions = folder / "fmi2Functions.h"
+    text = functions.read_text(encoding="utf-8")
+    assert "#define fmi2FullName(name) name" in text
+    functions.write_text(text.replace("#define fmi2FullName(name) name", PREFIXED), encoding="utf-8")
+    return folder
+
+
+PREFIXED = """
+#if !defined FMI2_OVERRIDE_FUNCTION_PREFIX && defined FMI2_FUNCTION_PREFIX
+#define fmi2Paste(a, b) a##b
+#define fmi2PasteB(a, b) fmi2Paste(a, b)
+#define fmi2FullName(name) fmi2PasteB(FMI2_FUNCTION_PREFIX, name)
+#else
+#define fmi2FullName(name) name
+#endif
+"""
+
+
+def test_all_units_link_into_one_program(load: Load, compiler: str, standard_headers: Path, tmp_path: Path) -> None:
+    """as code generators do: every unit's functions carry its name, and nothing else is visible"""
+    objects = []
+    for name in UNITS:
+        source = load(name).directory / "sources"
+        objects.append(tmp_path / f"{name}.o")
+        compile_c(
+            compiler, *FLAGS, "-O1", "-c", "-I", source, "-I", standard_headers, source / "all.c", "-o", objects[-1]
+        )
+    program = tmp_path / "program.c"
+    declared = "".join(f"extern const char *{name}_fmi2GetVersion(void);\n" for name in UNITS)
+    called = "".join(f"  puts({name}_fmi2GetVersion());\n" for name in UNITS)
+    program.write_text(f"#include <stdio.h>\n{declared}int main(void) {{\n{called}  return 0;\n}}\n", encoding="utf-8")
+    compile_c(compiler, program, *objects, "-o", tmp_path / "program", "-lm")
+    done = subprocess.run([str(tmp_path / "program")], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["2.0"] * len(UNITS)
+
+
+def test_the_recipe_is_valid_and_names_what_there_is(load: Load, name: str) -> None:
+    (recipe,) = fmpy.model_description.read_build_description(str(load(name).directory))
+    (files,) = recipe.sourceFileSets
+    assert recipe.modelIdentifier == name
+    assert all((load(name).directory / "sources" / file).is_file() for file in files.sourceFiles)
+    assert [d.name for d in files.preprocessorDefinitions] == ["FMI2_OVERRIDE_FUNCTION_PREFIX"]
+
+
+def test_fmpy_builds_the_sources_by_itself(load: Load, compiler: str, tmp_path: Path) -> None:
+    if shutil.which("cmake") is None:
+        pytest.skip("no CMake on this machine, which FMPy builds with")
+    copy = tmp_path / "torque_sensor"
+    shutil.copytree(load("torque_sensor").directory, copy)
+    (library,) = (copy / "binaries" / platform).iterdir()
+    library.unlink()
+    build_platform_binary(copy)
+    assert library.is_file()
+    archive = Path(shutil.make_archive(str(tmp_path / "rebuilt"), "zip", copy))
+    assert fmpy.simulate_fmu(str(archive), stop_time=0.1)["time"][-1] == pytest.approx(0.1)
+
+
+@pytest.mark.long
+def test_two_builds_give_the_same_bytes(root: Path, tmp_path: Path) -> None:
+    """in two folders, one after the other"""
+    cmake = shutil.which("cmake")
+    if cmake is None or shutil.which("ninja") is None:
+        pytest.skip("no CMake and Ninja on this machine")
+    built = []
+    for name in ("one", "another"):
+        copy = tmp_path / name
+        copy.mkdir()
+        for part in ("fmus", "cmake", "orchestrator", "CMakeLists.txt", "LICENSE"):
+            take = shutil.copytree if (root / part).is_dir() else shutil.copy
+            take(root / part, copy / part)
+        configure = [cmake, "-S", copy, "-B", copy / "build", "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release"]
+        for call in ([*configure, f"-DPython3_EXECUTABLE={sys.executable}"], [cmake, "--build", copy / "build"]):
+            subprocess.run(list(map(str, call)), check=True, capture_output=True)
+        built.append({fmu.name: fmu.read_bytes() for fmu in (copy / "build" / "fmus").glob("*.fmu")})
+    assert set(built[0]) == {f"{name}.fmu" for name in UNITS}
+    assert built[0] == built[1]
 
 
 def _wave(nominal: float, k: int) -> Callable[[float], float]:

@@ -99,6 +99,31 @@ def test_missing_fmu_is_one_line_on_stderr_and_status_2(tmp_path: Path) -> None:
     assert done.stderr.count("\n") == 1
 
 
+def test_check_says_what_a_foreign_unit_lacks_and_fails_where_it_does_not_fit(
+    foreign_gear: Callable[..., Path], tmp_path: Path
+) -> None:
+    fits = cobot_joint("--json", "check", str(foreign_gear()), "--as", "planetary_gear", folder=tmp_path)
+    assert fits.returncode == 0
+    lacks = [f["what"] for f in json.loads(fits.stdout)["findings"] if f["verdict"] == "lacks"]
+    assert "takes a step back" in lacks
+    other = foreign_gear("other", names={"tau": "tau_m"})
+    refused = cobot_joint("check", str(other), "--as", "planetary_gear", folder=tmp_path)
+    assert refused.returncode == 1
+    assert "its outputs in [N.m] are tau_m" in refused.stdout
+
+
+def test_a_foreign_unit_runs_in_a_scenario_with_its_own_names(
+    foreign_gear: Callable[..., Path], tmp_path: Path
+) -> None:
+    gear = foreign_gear(names={"tau": "tau_m"}, without=("J_coupled", "tau_g"))
+    words = ["--unit", f"planetary_gear={gear}:tau=tau_m,J_coupled=,tau_g=", "--set", "stop_time=2"]
+    done = cobot_joint("--json", "run", "load_mr_brake", *words, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    values = json.loads(done.stdout)["values"]
+    assert values["scheme"] == "gauss_seidel_extrapolated"
+    assert abs(values["energy residual motor_bldc.shaft -> planetary_gear.tau_m"]) < 0.01
+
+
 def test_unit_that_fails_while_it_runs_is_one_line_and_status_1(tmp_path: Path) -> None:
     # a communication step of a second over a mesh of 3000 N.m/rad: torques grow beyond all numbers
     words = ["--scheme", "jacobi", "--step", "1", "--set", "output_step=1", "--set", "stop_time=400"]
@@ -120,6 +145,25 @@ def test_export_holds_the_four_fmus_and_the_system(tmp_path: Path) -> None:
     exported = load_system(tmp_path / "out" / "joint.ssp")
     assert exported.connections == load_system("joint").connections
     assert all(c.unit.path.is_relative_to(exported.components[0].unit.path.parent) for c in exported.components)
+
+
+def test_units_of_no_shipped_system_can_be_exported(tmp_path: Path) -> None:
+    done = cobot_joint("export", "--unit", "driven_load", "--unit", "acquisition", "--flat-names", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    for unit in ("driven_load", "acquisition"):
+        description = fmpy.read_model_description(str(tmp_path / "export" / f"{unit}.fmu"))
+        assert not [v.name for v in description.modelVariables if "." in v.name]
+    refused = cobot_joint("export", "--unit", "gear", folder=tmp_path)
+    assert refused.returncode == 2
+    assert "gear.fmu: there is no such FMU" in refused.stderr
+
+
+@pytest.mark.parametrize("importer", ["ecos", "libcosim"])
+def test_export_for_an_importer_leaves_out_what_it_does_not_open(importer: str, tmp_path: Path) -> None:
+    done = cobot_joint("export", "--for", importer, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "export" / "OspSystemStructure.xml").is_file() == (importer == "libcosim")
+    assert not load_system(tmp_path / "export" / "joint.ssp").inputs
 
 
 def test_exported_unit_runs_in_fmpy(tmp_path: Path) -> None:

@@ -157,7 +157,7 @@ def test_every_term_of_every_unit_starts_switched_off(fmu: Callable[[str], Path]
                 assert float(unit.variables[term.amplitude].start) == term.neutral, f"{name}.{term.name}"
 
 
-def test_bounds_of_an_enumeration_are_its_items(fmu: Callable[[str], Path]) -> None:
+def test_bounds_of_a_choice_are_its_values(fmu: Callable[[str], Path]) -> None:
     assert load_unit(fmu("motor_bldc")).bounds_of("motor.level") == (1, 3)
 
 

@@ -21,7 +21,8 @@ class Experiment:
     output_step       s; time between recorded rows
     scheme            of coupling, by name or as fields; None: the system's own, or the default
     step              s; the communication step, `output_step` a multiple of it, or the longest step of an adaptive
-                      scheme; None: the scheme's own
+                      scheme; None: the scheme's own, or an estimate where a unit cannot take steps back and no scheme
+                      is given either
     parameters        `component.variable` -> value, over the system's own
     parameter_events  (time s, `component.variable` -> value): set during the run, at the first communication point not
                       before that time

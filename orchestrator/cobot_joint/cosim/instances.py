@@ -23,6 +23,8 @@ from cobot_joint.errors import UserError
 from cobot_joint.system.model import Component, System, Value
 from cobot_joint.system.parameters import checked, split
 
+TERMINATED = 3  # fmi2StatusKind
+
 
 class SimulationError(RuntimeError):
     """A run failed: which unit, which call, at what time, and what the unit logged last."""
@@ -137,6 +139,13 @@ class Instance:
         except FMICallException as error:
             status = ("ok", "warning", "discard", "error", "fatal", "pending")[error.status]
             raise self.failure(f"{error.function} returned {status} {what}") from error
+
+    def asks_to_stop(self) -> bool:
+        """After a discarded step: whether that is because the unit wants the simulation to end (FMI 2.0.4, 4.2.3)."""
+        try:
+            return bool(self.fmu.getBooleanStatus(TERMINATED))
+        except FMICallException:  # it keeps no such status
+            return False
 
     def address(self, function: str) -> int | None:
         """Of a function in the FMU's library; None where it has none of that name."""

@@ -53,6 +53,7 @@ class _Unit(ctypes.Structure):
         ("first_signal", c_int32),
         ("input_order", c_int32),
         ("holds_end", c_int32),
+        ("stairs", c_int32),
         ("output_derivatives", c_int32),
         ("is_sink", c_int32),
     ]
@@ -60,6 +61,10 @@ class _Unit(ctypes.Structure):
 
 class _Flow(ctypes.Structure):
     _fields_ = [("given", c_int32), ("taken", c_int32), ("power", c_double)]
+
+
+class _Port(ctypes.Structure):
+    _fields_ = [("unit", c_int32), ("input", c_int32), ("output", c_int32)]
 
 
 class _Scheme(ctypes.Structure):
@@ -79,6 +84,8 @@ class _Plan(ctypes.Structure):
         ("judged", POINTER(c_int32)),
         ("n_flows", c_size_t),
         ("flows", POINTER(_Flow)),
+        ("n_ports", c_size_t),
+        ("ports", POINTER(_Port)),
         ("n_samples", c_size_t),
         ("sample_time", c_void_p),
         ("samples", c_void_p),
@@ -111,6 +118,7 @@ class Tables:
         self.nominal = (c_double * len(plan.nominal))(*plan.nominal)
         self.judged = (c_int32 * len(plan.judged))(*plan.judged)
         self.flows = (_Flow * len(plan.flows))(*(_Flow(f.given, f.taken, f.power) for f in plan.flows))
+        self.ports = (_Port * len(plan.ports))(*(_Port(p.unit, p.input, p.output) for p in plan.ports))
         self.recorded = _wires(plan.recorded)
 
     def _unit(self, planned: PlannedUnit) -> _Unit:
@@ -128,6 +136,7 @@ class Tables:
         unit.first_signal = planned.first_signal
         unit.input_order = planned.input_order
         unit.holds_end = planned.holds_end
+        unit.stairs = planned.stairs
         unit.output_derivatives = planned.output_derivatives
         unit.is_sink = planned.is_sink
         return unit
@@ -160,6 +169,8 @@ class Master:
             judged=tables.judged,
             n_flows=len(tables.flows),
             flows=tables.flows,
+            n_ports=len(tables.ports),
+            ports=tables.ports,
             n_samples=len(time),
             sample_time=time.ctypes.data,
             samples=samples.ctypes.data,
@@ -210,6 +221,18 @@ class Master:
         self._library.cosim_counters(self._master, ctypes.byref(counters))
         return {field: getattr(counters, field) for field in _COUNTERS}
 
+    @property
+    def tick(self) -> int:
+        """Communication point that the last whole step ended at."""
+        return int(self._library.cosim_tick(self._master))
+
+    def works(self) -> list[tuple[float, float]]:
+        """Per port of the plan: work since the start, integral of its power's absolute value; variables' units."""
+        n = len(self._tables.ports)
+        work, absolute = (c_double * n)(), (c_double * n)()
+        self._library.cosim_works(self._master, work, absolute)
+        return list(zip(work, absolute, strict=True))
+
     def close(self) -> None:
         """Free what the master holds, saved FMU states too. Before the instances go."""
         if self._master:
@@ -245,6 +268,10 @@ def _typed_library() -> ctypes.CDLL:
     loaded.cosim_rows.restype = c_int64
     loaded.cosim_message.argtypes = [c_void_p]
     loaded.cosim_message.restype = c_char_p
+    loaded.cosim_tick.argtypes = [c_void_p]
+    loaded.cosim_tick.restype = c_int64
+    loaded.cosim_works.argtypes = [c_void_p, POINTER(c_double), POINTER(c_double)]
+    loaded.cosim_works.restype = None
     loaded.cosim_counters.argtypes = [c_void_p, POINTER(_Counters)]
     loaded.cosim_counters.restype = None
     return loaded

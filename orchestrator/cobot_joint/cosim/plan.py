@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from fmpy.model_description import ModelVariable
 
-from cobot_joint.cosim.energy import MechanicalConnection, mechanical_connections
+from cobot_joint.cosim.energy import MechanicalConnection, Port, mechanical_connections, unmeasured
 from cobot_joint.cosim.instances import Instance, SimulationError
 from cobot_joint.cosim.schemes import Scheme
 from cobot_joint.errors import UserError, among
@@ -19,6 +19,7 @@ from cobot_joint.system.model import Connection, System
 from cobot_joint.units import TOOL
 
 TYPES = ("Real", "Integer", "Boolean")
+STAIRS = 8  # parts of a step, for units that hold their inputs over each
 Source = tuple[str | None, str]  # component, variable
 Columns = list[list[ModelVariable]]  # by type, in TYPES' order
 
@@ -42,11 +43,21 @@ class Flow:
 
 
 @dataclass(frozen=True)
+class PlannedPort:
+    """Where the master integrates work: of a unit by number, its Real input by number, and the signal of its output."""
+
+    unit: int
+    input: int
+    output: int
+
+
+@dataclass(frozen=True)
 class PlannedUnit:
     """One unit's variables by value reference, in TYPES' order, and where its inputs come from.
 
     `input_order`: 3: follows cubics, 1: follows lines, 0: sees constants over a step; these are the value at the step's
-    end where `holds_end`, else at its middle. `is_sink`: no other unit reads it, so that it is stepped once, from row
+    end where `holds_end`, else at its middle. `stairs`: a step is made of that many parts with a constant each, and a
+    short last one; 0: of one. `is_sink`: no other unit reads it, so that it is stepped once, from row
     to row, when a step is final, and its state is never saved (only units of ours: they discard no step).
     """
 
@@ -58,6 +69,7 @@ class PlannedUnit:
     watched: tuple[tuple[int, ...], ...]
     input_order: int
     holds_end: bool
+    stairs: int
     output_derivatives: bool
     is_sink: bool
 
@@ -80,8 +92,13 @@ class Plan:
     nominal: tuple[float, ...]
     judged: tuple[bool, ...]
     flows: tuple[Flow, ...]
+    ports: tuple[PlannedPort, ...]
     recorded: tuple[Wire, ...]
     names: tuple[str, ...]
+
+    def nominal_of(self, wire: Wire) -> float:
+        """Size of what a wire carries; of an input of the system, which nobody judges, 1."""
+        return abs(wire.factor) * (self.nominal[wire.signal] if wire.signal < self.n_outputs else 1.0)
 
 
 def make_plan(
@@ -103,8 +120,9 @@ def make_plan(
     driven = [c for c in system.connections if c.sink_component and (c.source_component or c.source in inputs)]
     taps = {name: _tap(system, name, inputs) for name in record}
     tapped = {(c.source_component, c.source) for c in taps.values() if c}
-    shafts = mechanical_connections(system) if scheme.adaptive else []
-    turned: set[Source] = {(s.giver, s.gives.W) for s in shafts} | {(s.taker, s.takes.W) for s in shafts}
+    connections = mechanical_connections(system)
+    shafts = [c for c in connections if c.annotated] if scheme.adaptive else []
+    turned: set[Source] = {(p.component, str(p.W)) for s in shafts for p in (s.gives, s.takes)}
     sinks = _sinks(driven, turned, instances) if scheme.rolls_back else set()
     driven = [c for c in driven if c.sink_component not in sinks or _matters(c, tapped, instances)]
     read = {(c.source_component, c.source) for c in driven} | turned
@@ -129,6 +147,7 @@ def make_plan(
         nominal=tuple(abs(float(v.nominal or 1.0)) if v.type == "Real" else 1.0 for v in variables),
         judged=_judged(units, len(variables), scheme),
         flows=tuple(_flow(system, shaft, numbers) for shaft in shafts),
+        ports=tuple(_port(port, units, numbers) for port in unmeasured(connections)),
         recorded=tuple(Wire(numbers[c.source_component, c.source], c.factor, c.offset) for c in taps.values() if c),
         names=tuple(name for name, c in taps.items() if c),
     )
@@ -204,6 +223,7 @@ def _plan_unit(
         watched=tuple(tuple(v.valueReference for v in column) for column in watched),
         input_order=_input_order(instance),
         holds_end=_is_static(instance),
+        stairs=STAIRS if _climbs(instance) else 0,
         output_derivatives=instance.gives_slopes and instance.interpolates,  # else slopes know nothing of the inputs'
         is_sink=is_sink,
     )
@@ -234,6 +254,11 @@ def _input_order(instance: Instance) -> int:
     return 3 if _is_ours(instance) else 1
 
 
+def _climbs(instance: Instance) -> bool:
+    """Holds its inputs, has states, and may be stepped in parts."""
+    return not instance.interpolates and not _is_static(instance) and instance.varies_step
+
+
 def _is_static(instance: Instance) -> bool:
     """Outputs follow inputs through nothing that has a state: they need the inputs at a step's end, not its middle."""
     feeds_through = any(output.dependencies for output in instance.description.outputs)
@@ -252,10 +277,20 @@ def _judged(units: tuple[PlannedUnit, ...], n_outputs: int, scheme: Scheme) -> t
 
 
 def _flow(system: System, shaft: MechanicalConnection, numbers: Mapping[Source, int]) -> Flow:
-    nominal = [
-        float(system.component(shaft.giver).unit.variables[v].nominal or 1.0) for v in (shaft.gives.w, shaft.gives.tau)
-    ]
-    return Flow(numbers[shaft.giver, shaft.gives.W], numbers[shaft.taker, shaft.takes.W], abs(nominal[0] * nominal[1]))
+    gives, takes = shaft.gives, shaft.takes
+    variables = system.component(gives.component).unit.variables
+    nominal = [float(variables[v].nominal or 1.0) for v in (gives.flow, gives.effort)]
+    given, taken = (numbers[p.component, str(p.W)] for p in (gives, takes))
+    return Flow(given, taken, abs(nominal[0] * nominal[1]))
+
+
+def _port(port: Port, units: Sequence[PlannedUnit], numbers: Mapping[Source, int]) -> PlannedPort:
+    """Of effort and flow, one is an input of the unit and one an output."""
+    k, unit = next((k, u) for k, u in enumerate(units) if u.instance.name == port.component)
+    variables = unit.instance.variables
+    inward, outward = sorted((port.effort, port.flow), key=lambda name: variables[name].causality != "input")
+    place = unit.inputs[0].index(variables[inward].valueReference)
+    return PlannedPort(k, place, numbers[port.component, outward])
 
 
 def _check_abilities(scheme: Scheme, instances: Sequence[Instance]) -> None:

@@ -21,6 +21,7 @@ Polynomial = tuple[
 ]  # a0 + a1 s + a2 s^2 + a3 s^3, s: time since the present communication point
 
 DISCARD = 2  # fmi2Discard: a shorter step might do; of slopes before the first step, not known yet
+LAST_STAIR = 1e-3  # of a step
 CALM = 8  # steps after one that was taken back, before steps may grow again
 
 
@@ -51,6 +52,7 @@ class Master:
         self.p: list[Polynomial] = [constant(0.0)] * (plan.n_outputs + len(plan.inputs))
         self.sample = 0
         self.h_prev = self.h_prev2 = 0.0
+        self.work = [0.0] * len(plan.ports)
         self.count = {"steps": 0, "rejected": 0, "sweeps": 0, "warnings": 0}
 
     def begin(self) -> None:
@@ -65,6 +67,7 @@ class Master:
                 if error.status != DISCARD:
                     raise
         self.past = [Past(y, dy) for y, dy in zip(self.y, self.dy, strict=True)]
+        self.total, self.total_abs = [0.0] * len(self.work), [0.0] * len(self.work)
 
     def resume(self) -> None:
         """After values were set in units from outside: signals that jumped take their past with them."""
@@ -105,6 +108,10 @@ class Master:
     def counters(self) -> dict[str, int]:
         """Steps taken, steps rejected, sweeps over the units; FMPy does not tell of warnings."""
         return dict(self.count)
+
+    def works(self) -> list[tuple[float, float]]:
+        """Per port of the plan: work since the start, integral of its power's absolute value; variables' units."""
+        return list(zip(self.total, self.total_abs, strict=True))
 
     def close(self) -> None:
         """Nothing is held beyond a step."""
@@ -159,6 +166,27 @@ class Master:
         return [unit for unit in self.plan.units if not unit.is_sink]
 
     def _step_unit(self, unit: PlannedUnit, t: float, s: float, h: float) -> bool:
+        if not all(self._step_part(unit, t, *part) for part in self._parts(unit, s, h)):
+            return False
+        with unit.instance.explained(f"at t = {t:.9g} s"):
+            self._get_outputs(unit)
+            self._get_slopes(unit)
+        self._measure_work(unit, h)
+        return True
+
+    def _parts(self, unit: PlannedUnit, s: float, h: float) -> list[tuple[float, float]]:
+        """(begin, length): the step, or of a unit that holds its inputs the stairs that it climbs.
+
+        The last is short, so that outputs which feed inputs through belong to the step's end: FMI 2.0 lets no master
+        set inputs and read outputs without a step in between.
+        """
+        if not unit.stairs:
+            return [(s, h)]
+        run = (h - LAST_STAIR * h) / unit.stairs
+        climbed = unit.stairs * run
+        return [*((s + k * run, run) for k in range(unit.stairs)), (s + climbed, h - climbed)]
+
+    def _step_part(self, unit: PlannedUnit, t: float, s: float, h: float) -> bool:
         instance = unit.instance
         with instance.explained(f"at t = {t:.9g} s"):
             self._set_real_inputs(unit, s, h)
@@ -171,10 +199,23 @@ class Master:
             status = ("ok", "warning", "discard", "error", "fatal", "pending")[error.status]
             message = f"{instance.name}: fmi2DoStep returned {status} at t = {t + s:.9g} s, step {h:.9g} s"
             raise SimulationError(message + instance.last_words()) from error
-        with instance.explained(f"at t = {t:.9g} s"):
-            self._get_outputs(unit)
-            self._get_slopes(unit)
         return True
+
+    def _measure_work(self, unit: PlannedUnit, h: float) -> None:
+        """Work through ports whose units do not tell it: input times output over the step just computed."""
+        for k, port in enumerate(self.plan.ports):
+            if self.plan.units[port.unit] is unit:
+                u, y = self._seen(unit, unit.wires[port.input], h), self._interpolated(unit, port.output, h)
+                self.work[k] = integral(u, y, h)
+
+    def _seen(self, unit: PlannedUnit, wire: Wire, h: float) -> Polynomial:
+        """An input over a step as its unit saw it; stairs count as what they climb."""
+        p = self._through(wire, 0.0)
+        if unit.input_order == 1:
+            return line(p[0], value(p, h), h)
+        if unit.input_order == 0 and not unit.stairs:
+            return constant(value(p, h if unit.holds_end else 0.5 * h))
+        return p
 
     def _restore(self, states: list[object]) -> None:
         for unit, state in zip(self._swept(), states, strict=True):
@@ -184,6 +225,9 @@ class Master:
         self.past = [
             Past(y, dy, past.y, past.dy, past.y_prev) for y, dy, past in zip(self.y, self.dy, self.past, strict=True)
         ]
+        for k, work in enumerate(self.work):
+            self.total[k] += work
+            self.total_abs[k] += abs(work)
         self.h_prev, self.h_prev2 = h, self.h_prev
         self.known = min(self.known + 1, 3)
         self.tick += self.stride
@@ -299,16 +343,16 @@ class Master:
             self.expected[s] = value(self.p[s], h)
 
     def _interpolate(self, unit: PlannedUnit, h: float) -> None:
-        cubic = self.scheme.interpolation == 3 and unit.output_derivatives
         n_real = len(unit.outputs[0])
         for s in range(unit.first_signal, unit.first_signal + unit.n_outputs):
-            past = self.past[s]
-            if s >= unit.first_signal + n_real:
-                self.p[s] = constant(self.y[s])
-            elif cubic:
-                self.p[s] = hermite(past.y, past.dy, self.y[s], self.dy[s], h)
-            else:
-                self.p[s] = line(past.y, self.y[s], h)
+            is_real = s < unit.first_signal + n_real
+            self.p[s] = self._interpolated(unit, s, h) if is_real else constant(self.y[s])
+
+    def _interpolated(self, unit: PlannedUnit, s: int, h: float) -> Polynomial:
+        past = self.past[s]
+        if self.scheme.interpolation == 3 and unit.output_derivatives:
+            return hermite(past.y, past.dy, self.y[s], self.dy[s], h)
+        return line(past.y, self.y[s], h)
 
     def _follow_inputs(self, t: float, t_end: float, h: float) -> None:
         """The system's inputs: the chord over the step, exact where no sample lies inside."""
@@ -380,6 +424,16 @@ def line(y0: float, y1: float, h: float) -> Polynomial:
 def hermite(y0: float, dy0: float, y1: float, dy1: float, h: float) -> Polynomial:
     slope = (y1 - y0) / h
     return y0, dy0, (3 * slope - 2 * dy0 - dy1) / h, (dy0 + dy1 - 2 * slope) / (h * h)
+
+
+def integral(p: Polynomial, q: Polynomial, h: float) -> float:
+    """Of p q from 0 to h, by four points of Gauss: exact for cubics."""
+    at = 0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970263
+    weight = 0.17392742256872693, 0.32607257743127307, 0.32607257743127307, 0.17392742256872693
+    mean = 0.0
+    for a, w in zip(at, weight, strict=True):
+        mean += w * (value(p, a * h) * value(q, a * h))
+    return mean * h
 
 
 def extrapolate_with_slope(p: Past, degree: int, known: int, h_prev: float) -> Polynomial:

@@ -14,16 +14,19 @@ from numpy.typing import NDArray
 
 from cobot_joint.cosim import native, reference
 from cobot_joint.cosim.clock import Clock, make_clock, turns
-from cobot_joint.cosim.energy import mechanical_connections, works
+from cobot_joint.cosim.energy import mechanical_connections, unmeasured, works
 from cobot_joint.cosim.experiment import Experiment
+from cobot_joint.cosim.foreign.step_choice import PROBE, choose_step
 from cobot_joint.cosim.initialise import initialise
 from cobot_joint.cosim.instances import Instance, SimulationError, check_parameters
 from cobot_joint.cosim.plan import make_plan
 from cobot_joint.cosim.schemes import DEFAULT, WITHOUT_ROLLBACK, Scheme, scheme_of
+from cobot_joint.errors import among
 from cobot_joint.results.result import Result
 from cobot_joint.system.initial import initial_order
 from cobot_joint.system.model import System, Value
 
+log = logging.getLogger("cobot_joint")
 Engine = Literal["native", "reference"]
 Progress = Callable[[float, float], None]  # (simulated time, stop time), s
 Rows = NDArray[np.float64]
@@ -39,7 +42,10 @@ class Master(Protocol):
     def advance(self, tick: int, rows: Rows) -> None: ...
     def record(self, row: Rows) -> None: ...
     def rows(self) -> int: ...
+    @property
+    def tick(self) -> int: ...
     def counters(self) -> dict[str, int]: ...
+    def works(self) -> list[tuple[float, float]]: ...
     def close(self) -> None: ...
 
 
@@ -69,7 +75,8 @@ class Simulation:
         self._instances: dict[str, Instance] = {}
         self._order = initial_order(system)
         self._tables: dict[object, tuple[native.Tables, dict[str, str | None]]] = {}
-        self._flanges = mechanical_connections(system)
+        self._connections = mechanical_connections(system)
+        self._measured = [(0.0, 0.0)] * len(unmeasured(self._connections))
         try:
             for component in system.components:
                 self._instances[component.name] = Instance(component)
@@ -111,13 +118,16 @@ class Simulation:
     def run(self, experiment: Experiment, progress: Progress | None = None) -> Result:
         """One run, all of it in memory. `progress`: called with (time, stop time) now and then.
 
+        Where a unit asks to stop, the result ends there, with a warning.
         UserError: a name, value or time that is wrong. SimulationError: a unit fails.
         """
-        with self._prepared(experiment) as run:
-            table = np.empty((run.clock.rows, len(run.names)))
+        with self._prepared(self._coupled(experiment)) as run:
+            table, filled = np.empty((run.clock.rows, len(run.names))), 0
             for first in range(0, run.clock.rows, ROWS_PER_CHUNK):
-                self._fill(run, first, table[first : first + ROWS_PER_CHUNK], progress)
-            return self._result(run, 0, table, self.energy())
+                filled = first + self._fill(run, first, table[first : first + ROWS_PER_CHUNK], progress)
+                if filled < min(first + ROWS_PER_CHUNK, len(table)):
+                    break
+            return self._result(run, 0, table[:filled])
 
     def stream(
         self, experiment: Experiment, progress: Progress | None = None, rows_per_chunk: int = ROWS_PER_CHUNK
@@ -127,20 +137,23 @@ class Simulation:
         Each piece's `energy` is that from the start to the piece's end. Where a unit fails, the rows until then come as
         a last piece, without energy, before SimulationError.
         """
-        with self._prepared(experiment) as run:
+        with self._prepared(self._coupled(experiment)) as run:
             for first in range(0, run.clock.rows, rows_per_chunk):
                 rows = np.empty((min(rows_per_chunk, run.clock.rows - first), len(run.names)))
                 try:
-                    self._fill(run, first, rows, progress)
+                    filled = self._fill(run, first, rows, progress)
                 except SimulationError:
                     if (done := run.master.rows() - first) > 0:
-                        yield self._result(run, first, rows[:done], energy={})
+                        yield self._result(run, first, rows[:done], failed=True)
                     raise
-                yield self._result(run, first, rows, self.energy())
+                if filled:
+                    yield self._result(run, first, rows[:filled])
+                if filled < len(rows):
+                    return
 
     def energy(self) -> dict[str, tuple[float, float, float]]:
         """Mechanical connection -> (work given, work taken, integral of |power given|) since the run's start, J."""
-        return works(self._flanges, self._instances)
+        return works(self._connections, self._instances, self._measured)
 
     @contextmanager
     def _prepared(self, e: Experiment) -> Iterator[_Run]:
@@ -166,13 +179,27 @@ class Simulation:
         finally:
             master.close()
 
-    def _scheme(self, scheme: str | Scheme | None) -> Scheme:
+    def _coupled(self, e: Experiment) -> Experiment:
+        """With scheme and step. Where neither is given and a unit cannot take a step back, the step is estimated."""
         own = self.system.default_experiment
-        if scheme is None and own.scheme is None:
-            able = all(i.rolls_back and i.varies_step for i in self._instances.values())
-            return scheme_of(DEFAULT if able else WITHOUT_ROLLBACK)
+        if e.scheme is not None or own.scheme is not None:
+            return e
+        if all(i.rolls_back and i.varies_step for i in self._instances.values()):
+            return replace(e, scheme=DEFAULT)
+        e = replace(e, scheme=WITHOUT_ROLLBACK)
+        if e.step is not None:
+            return e
+        start = replace(e, stop_time=min(e.stop_time, e.start_time + PROBE))
+        longest = make_clock(scheme_of(WITHOUT_ROLLBACK), e.start_time, e.stop_time, None, e.output_step).step
+        plan = self._table(e, scheme_of(WITHOUT_ROLLBACK), dense=False)[0].plan
+        nominal = dict(zip(plan.names, map(plan.nominal_of, plan.recorded), strict=True))
+        return replace(e, step=choose_step(lambda step: self.run(replace(start, step=step)), longest, nominal))
+
+    def _scheme(self, scheme: str | Scheme | None) -> Scheme:
+        """UserError: there is none of that name."""
         if scheme is not None:
             return scheme_of(scheme)
+        own = self.system.default_experiment
         chosen = scheme_of(str(own.scheme))
         return replace(chosen, step=own.step) if own.step else chosen
 
@@ -185,8 +212,9 @@ class Simulation:
             self._tables[key] = native.Tables(plan), {name: self.system.unit_of(name) for name in plan.names}
         return self._tables[key]
 
-    def _fill(self, run: _Run, first: int, rows: Rows, progress: Progress | None) -> None:
-        """On through the rows from the `first` on: float64[n, recorded signals]."""
+    def _fill(self, run: _Run, first: int, rows: Rows, progress: Progress | None) -> int:
+        """On through the rows from the `first` on, float64[n, recorded signals]: how many there are before a unit asked
+        to stop, or all."""
         per_row = run.clock.per_row
         done = 0
         if first == 0:
@@ -199,7 +227,8 @@ class Simulation:
         while tick < last_tick:
             target = min(last_tick, run.events[0][0]) if run.events else last_tick
             passed = target // per_row - tick // per_row
-            run.master.advance(target, rows[done : done + passed])
+            if not self._advanced(run, target, rows[done : done + passed]):
+                return run.master.tick // per_row + 1 - first
             tick, done = target, done + passed
             if self._apply(run.events, tick):
                 run.master.resume()
@@ -207,6 +236,20 @@ class Simulation:
             progress(
                 float(run.clock.times(end - 1, end)[0]), float(run.clock.times(run.clock.rows - 1, run.clock.rows)[0])
             )
+        return len(rows)
+
+    def _advanced(self, run: _Run, target: int, rows: Rows) -> bool:
+        """False: a unit asked to stop before. SimulationError: it failed."""
+        try:
+            run.master.advance(target, rows)
+        except SimulationError as error:
+            stopping = [i.name for i in self._instances.values() if "discard" in str(error) and i.asks_to_stop()]
+            if not stopping:
+                raise
+            t = run.clock.start + run.master.tick * run.clock.step
+            log.warning("%s asks to stop at t = %.9g s: the results end there", among(stopping), t)
+            return False
+        return True
 
     def _apply(self, events: list[tuple[int, dict[str, dict[str, Value]]]], tick: int) -> bool:
         """Set what is due."""
@@ -220,11 +263,13 @@ class Simulation:
                         instance.set(name, value)
         return due
 
-    def _result(self, run: _Run, first: int, rows: Rows, energy: Mapping[str, tuple[float, float, float]]) -> Result:
+    def _result(self, run: _Run, first: int, rows: Rows, failed: bool = False) -> Result:
         signals = {name: np.ascontiguousarray(rows[:, j]) for j, name in enumerate(run.names)}
         times = run.clock.times(first, first + len(rows))
+        self._measured = run.master.works()
         step = run.clock.step * run.clock.stride
-        return Result(times, signals, dict(energy), run.scheme.name, step, dict(run.units))
+        energy = {} if failed else self.energy()  # a unit that failed cannot be asked
+        return Result(times, signals, energy, run.scheme.name, step, dict(run.units))
 
 
 def simulate(

@@ -9,6 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.anchored.answer import diagnosis as anchored_diagnosis
+from cobot_joint.diagnosis.anchored.follow import follow
+from cobot_joint.diagnosis.anchored.search import Search
 from cobot_joint.diagnosis.candidates.score_test import Scan
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.conditioning import condition
@@ -43,6 +46,7 @@ class Explanation:
     selection: Selection
     selected: list[Selected]
     unmodelled: Unmodelled | None = None
+    anchored: Search | None = None  # what the recorded motion says, where no model fits to the noise
 
 
 def diagnose(campaign: Campaign, *, progress: Progress | None = None, store: Store | None = None) -> Diagnosis:
@@ -102,11 +106,12 @@ def explain(
     campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress, store: Store
 ) -> tuple[Diagnosis, Explanation]:
     """What is missing, without where it shows in the recordings and what would tell more."""
-    basis = (*told(campaign), *campaign.terms)
     explanation = store.remember(
-        "selection", basis, lambda: _select(problem, calibrated, say, store, basis, campaign.terms)
+        "selection", _basis(campaign), lambda: _select(campaign, problem, calibrated, say, store)
     )
     say("writing down what was found")
+    if explanation.anchored is not None and not explanation.selected:
+        return anchored_diagnosis(explanation.anchored, units_of(problem)), explanation
     return _answer(problem, explanation), explanation
 
 
@@ -129,25 +134,51 @@ def noises(campaign: Campaign) -> dict[str, Noise]:
     return found
 
 
-def _select(
-    problem: Problem, calibrated: Fit, say: Progress, store: Store, basis: object, only: Sequence[str]
-) -> Explanation:
-    """`only`: the terms to look at, and nothing beyond them; empty: all, and what no list names."""
+def _basis(campaign: Campaign) -> tuple[object, ...]:
+    return (*told(campaign), *campaign.terms)
+
+
+def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress, store: Store) -> Explanation:
+    """With `terms` in the campaign: these, and nothing beyond them. Else all, and what no list names."""
+    only = campaign.terms
     scan = Scan(problem, _terms(problem, only), say)
     select = Selector(problem, scan, say).select
     if not only and (load := look_for_unlogged_load(problem, calibrated, select, say)):
         nothing = Selection([calibrated], indistinguishable=dict(scan.indistinguishable))
         return Explanation(calibrated, load.fit, nothing, load.selected, load)
-    listed = Selector(problem, scan, say, store).select(calibrated, basis)
+    listed = Selector(problem, scan, say, store).select(calibrated, _basis(campaign))
     calibrated = listed.history[0]  # that of before, or a better one that came up on the way
-    unmodelled = None
-    if not only:
-        unmodelled = look_for_external_loads(problem, listed, select, say)
-        unmodelled = unmodelled or look_for_unmodelled(problem, calibrated, listed, say)
-    if unmodelled:
+    if only:
+        kept = worth_naming(problem, calibrated, listed)
+        return Explanation(calibrated, kept.fit, listed, kept.selected)
+    if loads := look_for_external_loads(problem, listed, select, say):
+        return Explanation(calibrated, loads.fit, listed, loads.selected, loads)
+    left, before = problem.excess(listed.fit.residual), problem.excess(calibrated.residual)
+    stands = listed.selected if left < thresholds.REMAINDER * before else []
+    found = _along_the_motion(campaign, problem, listed, say, store)
+    if found and stands and found.supports(stands[0].term):
+        return Explanation(calibrated, listed.fit, listed, stands, anchored=found)
+    unmodelled = look_for_unmodelled(problem, calibrated, listed, say)
+    if unmodelled and (found is None or _down_to_noise(problem, unmodelled.fit)):
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
-    kept = worth_naming(problem, calibrated, listed) if only else prune(problem, listed)
+    if found and (found.named or not stands):
+        return Explanation(calibrated, listed.fit, listed, [], anchored=found)
+    kept = prune(problem, listed)
     return Explanation(calibrated, kept.fit, listed, kept.selected)
+
+
+def _down_to_noise(problem: Problem, fit: Fit) -> bool:
+    """Whether a fit leaves nothing: short of that, a formula may as well follow a background."""
+    return problem.excess(fit.residual) < thresholds.UNDECIDED * problem.excess_scatter
+
+
+def _along_the_motion(
+    campaign: Campaign, problem: Problem, listed: Selection, say: Progress, store: Store
+) -> Search | None:
+    """What the recorded motion says where listed terms leave more than noise; None: they do not, or it says nothing."""
+    if problem.excess(listed.fit.residual) < thresholds.CLEARLY_LEFT * problem.excess_scatter:
+        return None
+    return store.remember("anchored", _basis(campaign), lambda: follow(campaign, problem.plant, say))
 
 
 def _terms(problem: Problem, only: Sequence[str]) -> list[TermCandidate]:
@@ -158,10 +189,15 @@ def _terms(problem: Problem, only: Sequence[str]) -> list[TermCandidate]:
     return [term for term in problem.plant.terms if not only or term.name in only]
 
 
-def _answer(problem: Problem, explanation: Explanation) -> Diagnosis:
+def units_of(problem: Problem) -> dict[str, str]:
+    """Parameters, amplitudes and shapes -> unit of measure"""
     plant = problem.plant
     units = {p.name: p.unit for p in plant.parameters.values()}
-    units |= {t.amplitude: t.unit for t in plant.terms} | {s.name: s.unit for t in plant.terms for s in t.shapes}
+    return units | {t.amplitude: t.unit for t in plant.terms} | {s.name: s.unit for t in plant.terms for s in t.shapes}
+
+
+def _answer(problem: Problem, explanation: Explanation) -> Diagnosis:
+    units = units_of(problem)
     repaired = explanation.fit.estimates(units)
     left = max(problem.excess(explanation.fit.residual), 0.0)
     findings = [_finding(problem, explanation, selected, repaired, left) for selected in explanation.selected]
@@ -190,6 +226,12 @@ def _verdict(findings: Sequence[Finding], much_left: bool) -> Verdict:
     return "undecided" if much_left else "nothing_missing"
 
 
+def _along(explanation: Explanation, term: str) -> float:
+    """How sure the recorded motion is of a term; 0: it was not asked, or says nothing of it."""
+    found = explanation.anchored
+    return found.supports(term) if found else 0.0
+
+
 def _finding(
     problem: Problem, explanation: Explanation, selected: Selected, repaired: Mapping[str, Estimate], left: float
 ) -> Finding:
@@ -203,7 +245,7 @@ def _finding(
     return Finding(
         term=selected.term,
         equivalent=tuple(dict.fromkeys([*twins, *alike]))[: thresholds.MOST_NAMES - 1],
-        confidence=confidence(selected.gain, left),
+        confidence=max(confidence(selected.gain, left), _along(explanation, selected.term)),
         onset=active.onset,
         parameters={name: repaired[name] for a in both for name in a.values if name in repaired},
         where=where_it_shows(problem, explanation.fit, active),

@@ -176,6 +176,7 @@ class Diagnosis:
     advice: list[Advice] = field(default_factory=list)  # what to record next
     structure: dict[str, float] = field(default_factory=dict)
     repair: Literal["offered", "withheld"] = "offered"
+    background: list[dict[str, Any]] = field(default_factory=list)  # what is worth no name, by port and variable
     seconds: float = 0.0
     crashes: list[str] = field(default_factory=list)  # of units; what was tried then was passed over
 
@@ -205,6 +206,7 @@ class Diagnosis:
                 "advice": [asdict(advice) for advice in self.advice],
                 "structure": self.structure,
                 "repair": self.repair,
+                "discrepancy": self.background,
                 "seconds": self.seconds,
             }
             | ({"crashes": self.crashes} if self.crashes else {})

@@ -88,3 +88,9 @@ WITHHELD = 0.45  # confidence at most of a finding whose repair is withheld: les
 SEPARATES = 100.0  # predicted chi-square, ten sigma, from which on an experiment is worth doing
 LOOK_ELSEWHERE = 10.0  # chi-square beyond the 2 ln(terms) that the best of so many takes by chance (extreme value)
 INDISTINGUISHABLE = 4.0  # chi-square, two sigma, by which a term may fit amplitudes worse and not be told apart
+
+# -- beside a background (diagnosis/anchored): nats of evidence
+ANCHORED_EVIDENCE = 8.0  # that a term must have
+ANCHORED_ALIKE = 5.0  # by which another may have less and still not be told apart: odds of 150
+ANCHORED_ALIKE_SHARE = 0.01  # the same, as a share: no form is known exactly
+ANCHORED_LATER = 0.03  # of the most that a term has, that a later one needs: no form is known exactly

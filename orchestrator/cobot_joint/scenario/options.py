@@ -49,13 +49,13 @@ class Options:
 
 
 def level_parameters(system: System, level: str) -> dict[str, str]:
-    """Every unit's enumeration called level that has such an item. UserError: no unit of the system has."""
+    """Every unit's choice called level that has such an item. UserError: no unit of the system has."""
     found: dict[str, str] = {}
     offered: list[str] = []
     for component in system.components:
-        for name, variable in component.unit.variables.items():
-            if name.rpartition(".")[2] == "level" and variable.declaredType is not None:
-                items = [item.name for item in variable.declaredType.items]
+        for name in component.unit.variables:
+            if name.rpartition(".")[2] == "level":
+                items = component.unit.choices_of(name)
                 offered += [item for item in items if item not in offered]
                 if level in items:
                     found[f"{component.name}.{name}"] = level

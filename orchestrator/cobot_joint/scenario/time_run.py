@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.cosim import Simulation, SimulationError
+from cobot_joint.cosim.energy import warn_of_residuals
 from cobot_joint.errors import UserError
 from cobot_joint.results.figures import Picture, over_time
 from cobot_joint.results.files import SignalsWriter, columns_of, provenance
@@ -86,6 +87,7 @@ def run_over_time(scenario: TimeScenario, out: Path, options: Options, progress:
         writer.provenance |= {"scheme": last.scheme, "step": last.step, "energy": last.energy}
     if failure:
         raise SimulationError(f"{failure}; {path} has the {digest.n} rows until then")
+    warn_of_residuals(last.energy)
     report = Report(scenario.title or scenario.name)
     report.files[path] = "signals, units and provenance"
     time, drawn = digest.drawn()

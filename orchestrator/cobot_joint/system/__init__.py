@@ -6,7 +6,15 @@ from cobot_joint.system.parameters import with_parameters
 from cobot_joint.system.read import find_system, load_system
 from cobot_joint.system.swap import with_units
 from cobot_joint.system.wiring import Wiring, check
-from cobot_joint.system.write import fmu_names, write_ssd, write_ssp, write_ssv
+from cobot_joint.system.write import (
+    fmu_names,
+    without_own_wires,
+    write_fmu,
+    write_fmus,
+    write_ssd,
+    write_ssp,
+    write_ssv,
+)
 
 __all__ = [
     "Component",
@@ -23,6 +31,9 @@ __all__ = [
     "load_system",
     "with_parameters",
     "with_units",
+    "without_own_wires",
+    "write_fmu",
+    "write_fmus",
     "write_ssd",
     "write_ssp",
     "write_ssv",

@@ -38,7 +38,7 @@ def split(system: System, name: str, where: str) -> tuple[Component, str]:
 def checked(unit: Unit, name: str, value: Value | str, where: str) -> Value:
     """The value in the variable's type, if the variable has a start value to set and the value lies in its bounds.
 
-    Enumerations take their items by name or number. UserError: says what was given and what is allowed.
+    What has named values takes them by name or number. UserError: says what was given and what is allowed.
     """
     variable = unit.variables.get(name)
     settable = [v.name for v in unit.variables.values() if v.start is not None and v.variability != "constant"]
@@ -46,8 +46,7 @@ def checked(unit: Unit, name: str, value: Value | str, where: str) -> Value:
         near = difflib.get_close_matches(name, settable, n=5, cutoff=0.5) or settable
         what = "no variable" if variable is None else "not a parameter"
         raise UserError(f"{where}: {what} of {unit.path.name}, allowed are {among(near)}")
-    if variable.type == "Enumeration" and isinstance(value, str) and variable.declaredType:
-        items = {item.name: int(item.value) for item in variable.declaredType.items}
+    if isinstance(value, str) and (items := unit.choices_of(name)):
         value = items.get(value, value)
         if isinstance(value, str) and not value.lstrip("-").isdigit():
             raise UserError(f"{where}: {value!r} is given, {among(items)} is allowed")

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import re
+import shutil
+import tempfile
 import zipfile
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from itertools import chain, count
 from pathlib import Path
 
@@ -14,9 +18,14 @@ from lxml import etree
 from cobot_joint import xml
 from cobot_joint.errors import UserError
 from cobot_joint.files import write_atomically
+from cobot_joint.pack import pack
+from cobot_joint.system.annotations import PREFIXES, annotate_experiment, annotate_system
+from cobot_joint.system.flat_names import flat
+from cobot_joint.system.geometry import connector_point, element_box, system_box
 from cobot_joint.system.model import Component, Connection, Connector, System, Value
-from cobot_joint.system.read import COUPLING, NS
+from cobot_joint.system.read import NS
 from cobot_joint.system.wiring import EXPONENTS, Wiring, check, conversion, port_type
+from cobot_joint.units import Unit, load_unit
 
 
 def write_ssd(system: System, path: Path) -> Path:
@@ -51,6 +60,40 @@ def write_ssp(system: System, path: Path) -> Path:
     return path
 
 
+def write_fmus(system: System, folder: Path, changes: Sequence[Callable[[Path], None]] = ()) -> System:
+    """The system's FMUs in a folder, and the system with these. `changes`: what is done to each, unpacked.
+
+    UserError: an FMU is not what a change needs.
+    """
+    names = fmu_names(system)
+    for name, unit in {names[c.name]: c.unit for c in system.components}.items():
+        write_fmu(unit, folder / name, changes)
+    components = []
+    for c in system.components:
+        unit = load_unit(folder / names[c.name])
+        parameters = {n if n in unit.variables else flat(n): value for n, value in c.parameters.items()}
+        components.append(replace(c, source=names[c.name], unit=unit, parameters=parameters))
+    return replace(system, components=tuple(components))
+
+
+def write_fmu(unit: Unit, file: Path, changes: Sequence[Callable[[Path], None]] = ()) -> Path:
+    """One FMU, as `write_fmus` writes them."""
+    write_atomically(file, partial(_write_changed, unit, changes))
+    return file
+
+
+def _write_changed(unit: Unit, changes: Sequence[Callable[[Path], None]], file: Path) -> None:
+    if not changes:
+        shutil.copyfile(unit.path, file)
+        return
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary, "fmu")
+        shutil.copytree(unit.directory, folder)
+        for change in changes:
+            change(folder)
+        pack(folder, file)
+
+
 def fmu_names(system: System) -> dict[str, str]:
     """Component -> its FMU's file name in one folder: its own, and the component's too where another has taken that."""
     wanted = [(c.unit.directory, c.unit.path.stem, c.name) for c in system.components]
@@ -75,14 +118,18 @@ def describe(system: System, sources: Mapping[str, str]) -> bytes:
     """The SystemStructureDescription, held against SSP's schema."""
     check(system)
     units = _units(system)
-    root = etree.Element(_tag("ssd", "SystemStructureDescription"), nsmap=NS, version="1.0", name=system.name)
+    root = etree.Element(
+        _tag("ssd", "SystemStructureDescription"), nsmap=NS | PREFIXES, version="1.0", name=system.name
+    )
     element = etree.SubElement(root, _tag("ssd", "System"), name=system.name)
     connectors = [*system.inputs.values(), *system.outputs.values()]
     _connectors(element, connectors)
     elements = etree.SubElement(element, _tag("ssd", "Elements"))
-    for component in system.components:
+    ports = [_ports(component, system) for component in system.components]
+    for place, component in enumerate(system.components):
         node = etree.SubElement(elements, _tag("ssd", "Component"), name=component.name, source=sources[component.name])
-        _connectors(node, _ports(component, system))
+        _connectors(node, ports[place])
+        etree.SubElement(node, _tag("ssd", "ElementGeometry"), element_box(place, ports[place]))
         if component.parameters:
             bindings = etree.SubElement(node, _tag("ssd", "ParameterBindings"))
             binding = etree.SubElement(bindings, _tag("ssd", "ParameterBinding"))
@@ -92,6 +139,8 @@ def describe(system: System, sources: Mapping[str, str]) -> bytes:
         wires = etree.SubElement(element, _tag("ssd", "Connections"))
         for connection in system.connections:
             _connection(wires, connection, wiring)
+    etree.SubElement(element, _tag("ssd", "SystemGeometry"), system_box(ports))
+    annotate_system(element, system.default_experiment)
     if units:
         _write_units(etree.SubElement(root, _tag("ssd", "Units")), units)
     experiment = system.default_experiment
@@ -99,11 +148,14 @@ def describe(system: System, sources: Mapping[str, str]) -> bytes:
         root, _tag("ssd", "DefaultExperiment"),
         startTime=_number(experiment.start_time), stopTime=_number(experiment.stop_time),
     )  # fmt: skip
-    coupling = {"scheme": experiment.scheme, "step": _number(experiment.step) if experiment.step else None}
-    if given := {name: value for name, value in coupling.items() if value is not None}:
-        annotations = etree.SubElement(node, _tag("ssd", "Annotations"))
-        etree.SubElement(etree.SubElement(annotations, _tag("ssc", "Annotation"), type=COUPLING), "coupling", given)
+    annotate_experiment(node, experiment)
     return _text(root, "SystemStructureDescription", Path(f"{system.name}.ssd"))
+
+
+def without_own_wires(system: System) -> System:
+    """For importers that stumble over wires at a system's connectors: what these drive is set by its own name there."""
+    inner = tuple(c for c in system.connections if c.source_component and c.sink_component)
+    return replace(system, connections=inner, inputs={}, outputs={})
 
 
 def _connectors(parent: etree._Element, connectors: list[Connector]) -> None:
@@ -117,6 +169,7 @@ def _connectors(parent: etree._Element, connectors: list[Connector]) -> None:
         typed = etree.SubElement(node, _tag("ssc", c.type))
         if c.type == "Real" and c.unit:
             typed.set("unit", c.unit)
+        etree.SubElement(node, _tag("ssd", "ConnectorGeometry"), connector_point(c, connectors))
 
 
 def _ports(component: Component, system: System) -> list[Connector]:
@@ -164,9 +217,9 @@ def _parameter(
     parent: etree._Element, component: Component, name: str, value: Value, used: dict[str, BaseUnit]
 ) -> None:
     variable, unit = component.unit.variables[name], component.unit.unit_of(name)
-    if variable.type == "Enumeration" and variable.declaredType:
-        item = next(i for i in variable.declaredType.items if int(i.value) == value)
-        etree.SubElement(parent, _tag("ssv", "Enumeration"), value=str(item.name))
+    if variable.type == "Enumeration":
+        item = next(item for item, n in component.unit.choices_of(name).items() if n == value)
+        etree.SubElement(parent, _tag("ssv", "Enumeration"), value=item)
         return
     text = _number(value) if variable.type == "Real" else str(value).lower()
     typed = etree.SubElement(parent, _tag("ssv", variable.type), value=text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 
 import numpy as np
@@ -108,6 +109,22 @@ def test_a_failed_step_names_unit_call_and_time_and_what_the_unit_logged(make_ga
 def test_a_discarded_step_is_an_error_that_says_so(make_gain: MakeSystem) -> None:
     with pytest.raises(SimulationError, match=r"fmi2DoStep returned discard at t = 0\.5 s"):
         simulate(make_gain(fail_at=0.5, fail_as=2), Experiment(RAMP, 1.0, scheme=FIXED, step=0.1, output_step=0.1))
+
+
+@pytest.mark.parametrize("engine", ["native", "reference"])
+@pytest.mark.parametrize("scheme", [FIXED, "adaptive"])
+def test_results_end_where_a_unit_asks_to_stop(
+    make_gain: MakeSystem, engine: str, scheme: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    system, experiment = make_gain(fail_at=0.5, fail_as=4), Experiment(RAMP, 1.0, scheme=scheme, output_step=0.1)
+    whole = simulate(make_gain(), experiment, engine=engine)
+    with caplog.at_level(logging.WARNING, "cobot_joint"), Simulation(system, engine) as simulation:
+        result = simulation.run(experiment)
+        pieces = list(simulation.stream(experiment, rows_per_chunk=2))
+    assert "gain asks to stop at t = 0.5 s: the results end there" in caplog.text
+    np.testing.assert_allclose(result.time, [0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
+    np.testing.assert_array_equal(result["y"], whole["y"][:6])
+    np.testing.assert_array_equal(np.concatenate([piece["y"] for piece in pieces]), result["y"])
 
 
 @pytest.mark.parametrize("engine", ["native", "reference"])

@@ -6,6 +6,7 @@ import re
 import shutil
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from cobot_joint.diagnosis.archive import fingerprint
 from cobot_joint.diagnosis.basis import of_campaign, of_response, sources
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.frequency import load_response
-from cobot_joint.system import load_system, write_ssd
+from cobot_joint.system import DefaultExperiment, load_system, write_ssd
 from cobot_joint.units import find_fmu
 
 CAMPAIGN = """title = "t"
@@ -48,12 +49,9 @@ role = "holdout"
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A campaign over a system file of its own, with an FMU and a recording beside it."""
-    write_ssd(load_system("joint_no_load"), tmp_path / "bench.ssd")
+    coupling = DefaultExperiment(0.0, 1.0, "jacobi", 0.0005)
+    write_ssd(replace(load_system("joint_no_load"), default_experiment=coupling), tmp_path / "bench.ssd")
     text = (tmp_path / "bench.ssd").read_text()
-    coupling = '<ssd:DefaultExperiment startTime="0" stopTime="1"><ssd:Annotations><ssc:Annotation xmlns:ssc='
-    coupling += '"http://ssp-standard.org/SSP1/SystemStructureCommon" type="cobot-joint.coupling">'
-    coupling += '<coupling scheme="jacobi" step="0.0005"/></ssc:Annotation></ssd:Annotations></ssd:DefaultExperiment>'
-    text = re.sub(r"<ssd:DefaultExperiment.*?(/>|</ssd:DefaultExperiment>)", coupling, text, flags=re.DOTALL)
     assert 'step="0.0005"' in text
     wire = re.search(r"<ssd:Connection [^>]*endElement=\"planetary_gear\"[^>]*/>", text)
     assert wire

@@ -9,7 +9,10 @@ import pytest
 from scipy.optimize import lsq_linear
 from scipy.signal import lfilter
 
+from cobot_joint.diagnosis import engine
+from cobot_joint.diagnosis.anchored.search import Search
 from cobot_joint.diagnosis.candidates.score_test import Scan
+from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.engine import diagnose_plant
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
@@ -192,6 +195,37 @@ def test_without_the_true_term_in_the_catalogue_none_of_the_others_is_dressed_as
     effect = {"axis.cogging.A": 6e-3, "axis.cogging.n": 5.0, "axis.cogging.phi_0": 1.0}
     found = diagnose_plant(campaign(OFF | effect), Axis([t for t in TERMS if t.phase is None]))
     assert [f.term for f in found.findings] == ["axis.unlisted"]
+
+
+def drifting() -> Campaign:
+    """A torque that wanders over the time of each run: no term has it, and no formula of the motion."""
+    case = campaign(OFF)
+    for seed, recording in enumerate(case.recordings):
+        wander = lfilter([1.0], [1.0, -0.995], np.random.default_rng(seed).normal(0, 2e-4, len(recording.time)))
+        clean = Axis().simulate(OFF, recording, added={"axis.tau_add": wander})
+        recording.outputs["w"] = recording.outputs["w"] - Axis().simulate(OFF, recording)["w"] + clean["w"]
+    return case
+
+
+def test_where_terms_leave_more_than_noise_and_the_motion_gives_none_a_name_a_background_is_stated(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stated = [{"port": "axis.tau_add", "variable": "time", "rms": 2e-3, "unit": "N.m"}]
+    monkeypatch.setattr(engine, "follow", lambda campaign, plant, say: Search(background=stated))
+    found = diagnose_plant(drifting(), Axis())
+    assert found.verdict == "nothing_missing"
+    assert found.findings == []
+    assert found.to_json()["discrepancy"] == stated
+
+
+def test_where_terms_explain_down_to_the_noise_the_motion_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    def asked(campaign, plant, say):  # type: ignore[no-untyped-def]
+        raise AssertionError
+
+    monkeypatch.setattr(engine, "follow", asked)
+    assert [f.term for f in diagnose_plant(campaign(OFF | {"axis.windage.c": 6e-5}), Axis()).findings] == [
+        "axis.windage"
+    ]
 
 
 def test_orders_are_found_without_simulating_each_of_them() -> None:

@@ -38,6 +38,7 @@ enum { CHANNEL_FD = 3, LIFELINE_FD = 4 }; /* of the host; the lifeline ends when
   X(GetRealOutputDerivatives)                                                                                          \
   X(GetDirectionalDerivative)                                                                                          \
   X(DoStep)                                                                                                            \
+  X(GetBooleanStatus)                                                                                                  \
   X(GetFMUstate)                                                                                                       \
   X(SetFMUstate)                                                                                                       \
   X(FreeFMUstate)

@@ -137,6 +137,7 @@ static fmi2Status call(const Command *c, void *values) {
     case CALL_GetRealOutputDerivatives:
       return unit.GetRealOutputDerivatives(component, refs, c->n, next(&r, 0), values);
     case CALL_DoStep: return unit.DoStep(component, c->real[0], c->real[1], (fmi2Boolean)c->n);
+    case CALL_GetBooleanStatus: return unit.GetBooleanStatus(component, (fmi2StatusKind)c->n, values);
     case CALL_GetFMUstate: return keep_state(c->state);
     case CALL_SetFMUstate: return unit.SetFMUstate(component, states[c->state]);
     case CALL_FreeFMUstate: return unit.FreeFMUstate(component, &states[c->state]);

@@ -348,6 +348,13 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean keeps
   return status;
 }
 
+fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value) {
+  Command *command = put(c, CALL_GetBooleanStatus, 0, sizeof(double));
+  if (!command) return fmi2Fatal;
+  command->n = (uint32_t)kind;
+  return read_values(c, command, value, sizeof *value);
+}
+
 fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) {
   Remote *r = c;
   bool known = *state != NULL;
@@ -385,5 +392,4 @@ WITHOUT(fmi2CancelStep, fmi2Component c)
 WITHOUT(fmi2GetStatus, fmi2Component c, const fmi2StatusKind kind, fmi2Status *value)
 WITHOUT(fmi2GetRealStatus, fmi2Component c, const fmi2StatusKind kind, fmi2Real *value)
 WITHOUT(fmi2GetIntegerStatus, fmi2Component c, const fmi2StatusKind kind, fmi2Integer *value)
-WITHOUT(fmi2GetBooleanStatus, fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value)
 WITHOUT(fmi2GetStringStatus, fmi2Component c, const fmi2StatusKind kind, fmi2String *value)

@@ -50,6 +50,7 @@ typedef struct {
   int32_t first_signal;                                     /* outputs are numbered in that order */
   int32_t input_order; /* 3: follows cubics, 1: follows lines, 0: sees constants over a step */
   int32_t holds_end;   /* where input_order is 0: the constant is the value at the step's end, else at its middle */
+  int32_t stairs; /* where input_order is 0: of how many equal parts, and a short last one, a step is made; 0: of one */
   int32_t output_derivatives;
   int32_t is_sink; /* no other unit reads it: stepped once, when a step is final, from row to row; never taken back */
 } Unit;
@@ -58,6 +59,11 @@ typedef struct { /* work through two flanges that are wired together, J; power: 
   int32_t given, taken;
   double power;
 } Flow;
+
+typedef struct
+{ /* effort times flow, of which one is the unit's input (by its place among the Reals), the other an output */
+  int32_t unit, input, output;
+} Port;
 
 typedef struct { /* schemes.py says what the fields mean */
   int32_t sequential, extrapolation, interpolation, sweeps, adaptive;
@@ -72,6 +78,8 @@ typedef struct {
   const int32_t *judged;      /* of every unit signal: 1 where straying from what was expected is a coupling error */
   size_t n_flows;
   const Flow *flows; /* energy that one unit gives and another takes: a difference is a coupling error, too */
+  size_t n_ports;
+  const Port *ports; /* work through them is measured, since their units do not tell it */
   size_t n_samples;
   const double *sample_time; /* [n_samples], rising; inputs are linear between samples and held outside */
   const double *samples;     /* [n_inputs][n_samples] */
@@ -135,6 +143,10 @@ typedef struct {
 COSIM_API void cosim_log(fmi2ComponentEnvironment log, fmi2String instance, fmi2Status status, fmi2String category,
                          fmi2String message, ...);
 
+/* Work through every port since tick 0, and the integral of its power's absolute value, in the variables' units. */
+COSIM_API void cosim_works(const Master *m, double *work, double *work_abs);
+/* How far it has got; after an error, to where the last step ended. */
+COSIM_API int64_t cosim_tick(const Master *m);
 COSIM_API const char *cosim_message(const Master *m);
 COSIM_API void cosim_counters(const Master *m, Counters *counters);
 

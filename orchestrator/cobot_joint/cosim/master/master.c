@@ -29,10 +29,8 @@ static void extrapolate(Master *m, const Unit *unit, double h) {
 }
 
 static void interpolate(Master *m, const Unit *unit, double h) {
-  bool cubic = m->plan.scheme.interpolation == 3 && unit->output_derivatives;
   size_t s = (size_t)unit->first_signal, end = s + unit->real_outputs.n;
-  for (; s < end; s++)
-    m->p[s] = cubic ? hermite(m->past[s].y, m->past[s].dy, m->y[s], m->dy[s], h) : line(m->past[s].y, m->y[s], h);
+  for (; s < end; s++) m->p[s] = interpolated(m, unit, s, h);
   for (end += n_discrete(unit); s < end; s++) m->p[s] = constant(m->y[s]);
 }
 
@@ -99,6 +97,10 @@ static void accept(Master *m, double h) {
     past->dy_prev = past->dy;
     past->y = m->y[s];
     past->dy = m->dy[s];
+  }
+  for (size_t k = 0; k < m->plan.n_ports; k++) {
+    m->total[k] += m->work[k];
+    m->total_abs[k] += fabs(m->work[k]);
   }
   m->h_prev2 = m->h_prev;
   m->h_prev = h;
@@ -204,6 +206,7 @@ int cosim_begin(Master *m) {
   for (size_t i = 0; i < m->plan.n_units; i++)
     if (get_outputs(m, &m->plan.units[i]) || get_first_slopes(m, &m->plan.units[i])) return -1;
   for (size_t s = 0; s < m->plan.n_outputs; s++) m->past[s] = (Past){.y = m->y[s], .dy = m->dy[s]};
+  for (size_t k = 0; k < m->plan.n_ports; k++) m->total[k] = m->total_abs[k] = 0;
   return 0;
 }
 
@@ -290,10 +293,13 @@ Master *cosim_create(const Plan *plan) {
   m->dy = calloc(n, sizeof *m->dy);
   m->expected = calloc(n, sizeof *m->expected);
   m->p = calloc(n + plan->n_inputs, sizeof *m->p);
-  if (!m->scratch || !m->past || !m->y || !m->dy || !m->expected || !m->p || !allocate_scratch(m)) {
+  m->work = calloc(3 * plan->n_ports + 1, sizeof *m->work);
+  if (!m->scratch || !m->past || !m->y || !m->dy || !m->expected || !m->p || !m->work || !allocate_scratch(m)) {
     cosim_destroy(m);
     return NULL;
   }
+  m->total = m->work + plan->n_ports;
+  m->total_abs = m->total + plan->n_ports;
   return m;
 }
 
@@ -311,6 +317,7 @@ void cosim_destroy(Master *m) {
   free(m->dy);
   free(m->expected);
   free(m->p);
+  free(m->work);
   free(m->u);
   free(m->du);
   free(m->first_order);
@@ -318,6 +325,14 @@ void cosim_destroy(Master *m) {
   free(m);
 }
 
+void cosim_works(const Master *m, double *work, double *work_abs) {
+  for (size_t k = 0; k < m->plan.n_ports; k++) {
+    work[k] = m->total[k];
+    work_abs[k] = m->total_abs[k];
+  }
+}
+
+int64_t cosim_tick(const Master *m) { return m->tick; }
 int64_t cosim_rows(const Master *m) { return m->rows; }
 
 const char *cosim_message(const Master *m) { return m->message; }

@@ -13,14 +13,16 @@ typedef struct { /* what one unit needs beside its description: where its inputs
 
 struct Master {
   Plan plan;
-  Scratch *scratch;         /* [n_units] */
-  Past *past;               /* [n_outputs] */
-  double *y, *dy;           /* [n_outputs]: at the end of the step under way */
-  double *expected;         /* [n_outputs]: what readers took for y */
-  Polynomial *p;            /* [n_outputs + n_inputs] */
-  double *u, *du;           /* inputs of one unit and their derivatives */
-  fmi2Integer *first_order; /* 1, 1, .. */
-  int *discrete;            /* Integers and Booleans of one unit */
+  Scratch *scratch;          /* [n_units] */
+  Past *past;                /* [n_outputs] */
+  double *y, *dy;            /* [n_outputs]: at the end of the step under way */
+  double *expected;          /* [n_outputs]: what readers took for y */
+  Polynomial *p;             /* [n_outputs + n_inputs] */
+  double *work;              /* [n_ports], J: in the step under way */
+  double *total, *total_abs; /* [n_ports], J: since tick 0, and of its absolute value */
+  double *u, *du;            /* inputs of one unit and their derivatives */
+  fmi2Integer *first_order;  /* 1, 1, .. */
+  int *discrete;             /* Integers and Booleans of one unit */
   int64_t tick, stride;
   int64_t rows;      /* written since the beginning */
   int64_t calm;      /* steps since the last rejected one */
@@ -38,6 +40,12 @@ static inline double time_of(const Master *m, int64_t tick) { return m->plan.sta
 static inline size_t n_discrete(const Unit *unit) { return unit->integer_outputs.n + unit->boolean_outputs.n; }
 static inline size_t n_watched(const Unit *unit) {
   return unit->real_watched.n + unit->integer_watched.n + unit->boolean_watched.n;
+}
+
+/* a Real signal over the step whose end has been computed */
+static inline Polynomial interpolated(const Master *m, const Unit *unit, size_t s, double h) {
+  bool cubic = m->plan.scheme.interpolation == 3 && unit->output_derivatives;
+  return cubic ? hermite(m->past[s].y, m->past[s].dy, m->y[s], m->dy[s], h) : line(m->past[s].y, m->y[s], h);
 }
 
 static inline bool rolls_back(const Master *m) { return m->plan.scheme.sweeps > 1 || m->plan.scheme.adaptive; }

@@ -32,6 +32,15 @@ static inline Polynomial hermite(double y0, double dy0, double y1, double dy1, d
   return (Polynomial){{y0, dy0, (3 * slope - 2 * dy0 - dy1) / h, (dy0 + dy1 - 2 * slope) / (h * h)}};
 }
 
+/* of p q from 0 to h, by four points of Gauss: exact for cubics */
+static inline double integral(const Polynomial *p, const Polynomial *q, double h) {
+  static const double at[] = {0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970263};
+  static const double weight[] = {0.17392742256872693, 0.32607257743127307, 0.32607257743127307, 0.17392742256872693};
+  double mean = 0;
+  for (int k = 0; k < 4; k++) mean += weight[k] * (value(p, at[k] * h) * value(q, at[k] * h));
+  return mean * h;
+}
+
 /* Continues a signal whose unit gives its slope. `known`: points, the present one included; h_prev: the last step's length. */
 static inline Polynomial extrapolate_with_slope(const Past *p, int degree, int known, double h_prev) {
   if (degree == 0) return constant(p->y);

@@ -15,6 +15,7 @@ from plotly.subplots import make_subplots
 from cobot_joint.diagnosis.data.conditioning import ChannelQuality
 from cobot_joint.diagnosis.repair.compare import Comparison, strongest_window
 
+VARIANTS = ("nominal", "calibrated", "repaired")
 COLOUR = {"recorded": "#555555", "nominal": "#b0b0b0", "calibrated": "#d1651a", "repaired": "#1f6fb2"}
 BINS = 500  # per curve: least and greatest of each bin, so that no spike is lost
 ZOOM = 2.0  # s
@@ -62,7 +63,7 @@ def before_and_after(d: Mapping[str, Any]) -> Picture:
         subplot_titles=[{"train": "training runs", "holdout": "held-out runs"}[r] for r in roles],
     )
     for column, role in enumerate(roles, 1):
-        for variant in ("nominal", "calibrated", "repaired"):
+        for variant in VARIANTS:
             names = [name for name, c in d["channels"].items() if role in c]
             figure.add_bar(
                 x=names,
@@ -90,8 +91,9 @@ def before_and_after(d: Mapping[str, Any]) -> Picture:
 
 def _decades(d: Mapping[str, Any]) -> tuple[float, float]:
     """Range of the logarithmic axis: the noise, and the greatest error with its label."""
-    noisy = [c for c in d["channels"].values() if c["noise"]]
-    worst = max((max(c[r].values()) / c["noise"] for c in noisy for r in ("train", "holdout") if r in c), default=1.0)
+    channels = [c for c in d["channels"].values() if c["noise"]]
+    roles = [(c["noise"], c[role]) for c in channels for role in ("train", "holdout") if role in c]
+    worst = max((figures[variant] / noise for noise, figures in roles for variant in VARIANTS), default=1.0)
     return float(np.log10(0.7)), float(np.log10(max(worst, 1.0)) * 1.08 + 0.1)
 
 

@@ -84,6 +84,8 @@ def render(data: ReportData) -> str:
 def verdict_sentence(d: Mapping[str, Any], terms: Mapping[str, TermText]) -> str:
     """The answer in one sentence."""
     findings = d["findings"]
+    if d["verdict"] == "nothing_missing" and d.get("discrepancy"):
+        return "Nothing is worth a name: what the system leaves is a background that no listed term predicts better."
     if d["verdict"] == "nothing_missing":
         return "Nothing is missing: inside its tolerances the system explains these recordings down to the noise."
     if not findings:

@@ -36,8 +36,10 @@ def _finding(f: Json) -> dict[str, Any]:
 
 
 def band(where: Json) -> str:
-    """Conditions of a finding that no recording in time shows."""
-    return ", ".join(localization_words.condition(r) for r in where.get("by_regime", []))
+    """Conditions of a finding that are known without its shares by recording."""
+    said = [localization_words.condition(r) for r in where.get("by_regime", [])]
+    said += ["from {:.1f} to {:.1f} s".format(*where["time"])] if where.get("time") else []
+    return ", ".join(said)
 
 
 def unmodelled(shape: Json | None, onset: float | None) -> str | None:

@@ -71,7 +71,8 @@ class Smoothed:
 
 
 class StateEstimator:
-    """The filter of one system. noise: per channel. latents: at inputs of the system. followed: states, by number."""
+    """The filter of one system. noise: per channel. latents: at inputs of the system, those at a port that has one
+    already behind all others. followed: states, by number."""
 
     def __init__(
         self,
@@ -84,7 +85,8 @@ class StateEstimator:
         self.sampled, self.latents, self.segment = sampled, tuple(latents), segment
         self.noise = [noise[channel] for channel in sampled.channels]
         self.followed = list(followed)
-        self.ports = tuple(latent.port for latent in latents)
+        self.ports = tuple(dict.fromkeys(latent.port for latent in latents))
+        self._enters = [self.ports.index(latent.port) for latent in latents]
         self.lineariser = Lineariser(sampled, self.ports, followed)
         self._coloured = [j for j, noise in enumerate(self.noise) if noise.coloured]
         n_x, n_d, n_c = len(self.followed), len(self.latents), len(self._coloured)
@@ -105,6 +107,7 @@ class StateEstimator:
         Q, R = self._noises(recording.step)
         recorded = np.column_stack([recording.outputs[c] for c in self.sampled.channels])
         pieces: list[Piece] = []
+        fading: list[Array] = []
         steps: list[Steps] = []
         found: list[Filtered] = []
         tangents: list[Tangent] = []
@@ -125,14 +128,16 @@ class StateEstimator:
             z, P = filtered.updated[-1], filtered.P_end
             x = piece.x[-1].copy()
             x[self.followed] += z[self.x]
-            d = self._faded(d, piece.time)[-1] + z[self.d]
+            faded = self._faded(d, piece.time)
+            d = faded[-1] + z[self.d]
             pieces.append(piece)
+            fading.append(faded)
             steps.append(step)
             found.append(filtered)
             tangents.append(tangent)
             if end == last:
                 break
-        return self._joined(recording, time, pieces, steps, found, tangents)
+        return self._joined(recording, time, pieces, steps, found, tangents, fading)
 
     def refilter(self, tracked: Tracked) -> Tracked:
         """The filter with these latents' sizes over the linearisation that another one ran along: no simulation."""
@@ -165,8 +170,14 @@ class StateEstimator:
 
     def _run(self, x: Array, d: Array, time: Array, inputs: Mapping[str, Array]) -> Piece:
         faded = self._faded(d, time)
-        acting = {latent.port: faded[:, j] for j, latent in enumerate(self.latents) if d[j]}
-        return self.sampled.run(x, time, {**inputs, **acting})
+        return self.sampled.run(x, time, {**inputs, **(self.entering(faded) if d.any() else {})})
+
+    def entering(self, d: Array) -> dict[str, Array]:
+        """Port -> (n,): of latents, (n, latents)"""
+        found = {port: np.zeros(len(d)) for port in self.ports}
+        for j, latent in enumerate(self.latents):
+            found[latent.port] = found[latent.port] + d[:, j]
+        return found
 
     def _faded(self, d: Array, time: Array) -> Array:
         """Means of the latents over a segment: (n, latents)"""
@@ -181,9 +192,9 @@ class StateEstimator:
         n, m = recorded.shape
         F, H = np.zeros((n, self.N, self.N)), np.zeros((n, m, self.N))
         F[0] = np.eye(self.N)
-        F[1:, self.x, self.x], F[1:, self.x, self.d] = tangent.Phi, tangent.Gamma
+        F[1:, self.x, self.x], F[1:, self.x, self.d] = tangent.Phi, tangent.Gamma[:, :, self._enters]
         F[1:, self.d, self.d] = np.diag(self._fading(step))
-        H[:, :, self.x], H[:, :, self.d] = tangent.C, tangent.D
+        H[:, :, self.x], H[:, :, self.d] = tangent.C, tangent.D[:, :, self._enters]
         for column, j in enumerate(self._coloured, self.c.start):
             F[1:, column, column] = self.noise[j].rho
             H[:, j, column] = 1.0
@@ -209,13 +220,13 @@ class StateEstimator:
         steps: Sequence[Steps],
         found: Sequence[Filtered],
         tangents: Sequence[Tangent],
+        fading: Sequence[Array],
     ) -> Tracked:
         def whole(parts: Sequence[Array]) -> Array:
             return np.concatenate([parts[0], *(p[1:] for p in parts[1:])])
 
         x = whole([p.x for p in pieces])
-        latents = whole([np.array([p.inputs.get(name, np.zeros(len(p.time))) for name in self.ports])
-                         .reshape(len(self.ports), len(p.time)).T for p in pieces])  # fmt: skip
+        latents = whole(fading)
         reference = np.concatenate(
             [x[:, self.followed], latents, np.zeros((len(x), self.c.stop - self.c.start))], axis=1
         )

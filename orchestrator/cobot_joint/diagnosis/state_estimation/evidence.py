@@ -80,11 +80,11 @@ class Evidence:
         )
         self._parts: dict[int, tuple[Array, Array]] = {}
         self._S = [np.concatenate([parts[0].S, *(p.S[1:] for p in parts[1:])]) for parts in tangents]
-        self._parameters = [name for name in tolerances if any(self._has(t, name) for t in self.trackings)]
+        self.parameters = [name for name in tolerances if any(self._has(t, name) for t in self.trackings)]
         self.base = self._of_parameters()
         self._base = _Columns(self, self.base)
-        self._prior = np.array([1 / self.tolerances[name][1] ** 2 for name in self._parameters])
-        self._centre = np.array([self.tolerances[name][0] for name in self._parameters])
+        self._prior = np.array([1 / self.tolerances[name][1] ** 2 for name in self.parameters])
+        self._centre = np.array([self.tolerances[name][0] for name in self.parameters])
         self._held = np.linalg.inv(self._base.gram + np.diag(self._prior))
         self._moved = self._held @ (self._base.gradient + self._prior * self._centre)
 
@@ -102,7 +102,7 @@ class Evidence:
     @property
     def corrections(self) -> dict[str, float]:
         """`component.parameter` -> by how much it is off, most likely, with the latent forces as they are."""
-        return dict(zip(self._parameters, map(float, self._moved), strict=True))
+        return dict(zip(self.parameters, map(float, self._moved), strict=True))
 
     def gls(self, effect: Effect, groups: Sequence[slice] | None = None) -> list[tuple[Array, Array, float]]:
         """Generalised least squares of groups of columns (each alone; None: all together) beside the base parameters:
@@ -142,13 +142,11 @@ class Evidence:
         """The shapes with the largest gain; None: no recording answers to it."""
         best: TermScore | None = None
         width = 1 if term.phase is None else 2
-        combinations = list(_combinations(term))
-        for first in range(0, len(combinations), TOGETHER):
-            some = combinations[first : first + TOGETHER]
+        every = list(combinations(term))
+        for first in range(0, len(every), TOGETHER):
+            some = every[first : first + TOGETHER]
             groups = [slice(k * width, (k + 1) * width) for k in range(len(some))]
-            for shapes, (theta, covariance, gain) in zip(
-                some, self.gls(self._of_term(term, some), groups), strict=True
-            ):
+            for shapes, (theta, covariance, gain) in zip(some, self.gls(self.of_term(term, some), groups), strict=True):
                 if gain <= (best.gain if best else 0.0):
                     continue
                 sigma = float(np.sqrt(np.trace(covariance) / width))
@@ -163,7 +161,7 @@ class Evidence:
         """Log of the likelihood with base parameters and terms at their most likely values and the latent forces' sizes
         estimated again, less half the logarithm of the number of readings per coefficient (Schwarz 1978, Ann. Stat. 6).
         """
-        parts = [self.base, *(self._of_term(term, [score.shapes]) for term, score in terms)]
+        parts = [self.base, *(self.of_term(term, [score.shapes]) for term, score in terms)]
         psi = [np.concatenate([p.psi[n] for p in parts], axis=2) for n in range(len(self.trackings))]
         direct = [np.concatenate([p.direct[n] for p in parts], axis=2) for n in range(len(self.trackings))]
         columns = _Columns(self, Effect(psi, direct))
@@ -185,7 +183,7 @@ class Evidence:
             total += estimator.refilter(tracked).filtered.log_likelihood
         return float(total - 0.5 * self._prior @ (theta[: len(self._prior)] - self._centre) ** 2)
 
-    def _of_term(self, term: TermCandidate, combinations: Sequence[Mapping[str, float]]) -> Effect:
+    def of_term(self, term: TermCandidate, combinations: Sequence[Mapping[str, float]]) -> Effect:
         """A column, or two a quarter of a period apart, for each combination of shapes."""
         phases: list[dict[str, Value]] = [{}]
         if term.phase is not None:
@@ -251,7 +249,7 @@ class Evidence:
         return self._parts[n]
 
     def _of_parameters(self) -> Effect:
-        parts = [self._of_term(TermCandidate(p, p, 0.0, -np.inf, np.inf, ""), [{}]) for p in self._parameters]
+        parts = [self.of_term(TermCandidate(p, p, 0.0, -np.inf, np.inf, ""), [{}]) for p in self.parameters]
         psi, direct = [], []
         for n, t in enumerate(self.trackings):
             psi.append(
@@ -280,7 +278,7 @@ class _Columns:
         self.gradient = self.white.T @ np.concatenate([t.tracked.filtered.white.ravel() for t in evidence.trackings])
 
 
-def _combinations(term: TermCandidate) -> Iterator[dict[str, float]]:
+def combinations(term: TermCandidate) -> Iterator[dict[str, float]]:
     for values in product(*(shape.values for shape in term.shapes)):
         yield {shape.name: value for shape, value in zip(term.shapes, values, strict=True)}
 
@@ -299,5 +297,4 @@ def _times(M: Array, v: Array) -> Array:
 
 
 def _inputs(t: Tracking) -> dict[str, Array]:
-    latents = t.tracked.reference[:, t.estimator.d]
-    return {**t.tracked.recording.inputs, **{p: latents[:, j] for j, p in enumerate(t.estimator.ports)}}
+    return {**t.tracked.recording.inputs, **t.estimator.entering(t.tracked.reference[:, t.estimator.d])}

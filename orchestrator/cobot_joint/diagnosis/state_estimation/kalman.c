@@ -7,6 +7,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* An innovation of more sigmas counts as one of so many, its variance as larger (Huber's function: Masreliez and Martin
+ * 1977, IEEE Trans. Automatic Control 22(3)): impacts are linear only until they happen. */
+#define FAR 6.0
+
 /* C = A B, or A B' */
 static void product(size_t n, const double *A, const double *B, double *C) {
   memset(C, 0, n * n * sizeof *C);
@@ -65,7 +69,7 @@ int kalman_forward(const KalmanSteps *steps, const double *Q, const double *R, i
         continue;
       }
       for (size_t i = 0; i < N; i++) Ph[i] = dot(N, P + i * N, h);
-      const double s = dot(N, h, Ph) + R[j], e = r - dot(N, h, z);
+      const double e = r - dot(N, h, z), s = fmax(dot(N, h, Ph) + R[j], e * e / (FAR * FAR));
       out->e[at] = e;
       out->precision[at] = 1 / s;
       out->log_likelihood -= 0.5 * (log(s) + e * e / s);
@@ -82,14 +86,16 @@ int kalman_forward(const KalmanSteps *steps, const double *Q, const double *R, i
   return 0;
 }
 
-/* a = h e/s + (I - K h')' a,  M = h h'/s + (I - K h')' M (I - K h') for one channel */
+/* a = h e/s + (I - K h')' a,  M = h h'/s + (I - K h')' M (I - K h') for one channel; M is written symmetric, since what
+ * rounding left of the other part would grow */
 static void take_in(size_t N, const double *h, const double *K, double e, double precision, double *a, double *M,
                     double *MK) {
   for (size_t i = 0; i < N; i++) MK[i] = dot(N, M + i * N, K);
   const double pull = e * precision - dot(N, K, a), weight = precision + dot(N, K, MK);
   for (size_t i = 0; i < N; i++) a[i] += h[i] * pull;
   for (size_t i = 0; i < N; i++)
-    for (size_t l = 0; l < N; l++) M[i * N + l] += weight * h[i] * h[l] - h[i] * MK[l] - MK[i] * h[l];
+    for (size_t l = 0; l <= i; l++)
+      M[i * N + l] = M[l * N + i] = M[i * N + l] + weight * h[i] * h[l] - h[i] * MK[l] - MK[i] * h[l];
 }
 
 int kalman_backward(const KalmanSteps *steps, const KalmanFiltered *in, double *a_out, double *M_out, double *smoothed,

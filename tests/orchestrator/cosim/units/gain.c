@@ -1,5 +1,5 @@
 /* y = k u, n_out = n_in + 1, b_out = not b_in; from fail_at on, steps fail as fail_as says
- * (1 warns, 2 discard, 3 error, 9 takes the process with it); steps above `longest` are discarded */
+ * (1 warns, 2 discard, 3 error, 4 asks to stop, 9 takes the process with it); steps above `longest` are discarded */
 enum { U, Y, K, FAIL_AT, FAIL_AS, LONGEST, REALS };
 #define STATES 0
 #define INPUTS (1u << U)
@@ -17,6 +17,7 @@ static fmi2Status step_status(unit *m, double t, double h) {
   if (h > m->v.r[LONGEST]) return fmi2Discard;
   if (t + h <= m->v.r[FAIL_AT]) return fmi2OK;
   if (m->v.r[FAIL_AS] == 9) abort();
+  if (m->v.r[FAIL_AS] == 4) return m->v.stopped = true, fmi2Discard;
   m->call.logger(m->call.componentEnvironment, m->name, (fmi2Status)m->v.r[FAIL_AS], "logStatus", "no more after %g s",
                  m->v.r[FAIL_AT]);
   return (fmi2Status)m->v.r[FAIL_AS];

@@ -83,3 +83,32 @@ def test_a_filter_in_two_parts_is_the_filter_in_one(drawn: tuple) -> None:
     first = forward(steps[:5], Q, R, z0, P0)
     second = forward(steps[5:], Q, R, first.updated[-1], first.P_end, begins=False)
     np.testing.assert_array_equal(np.vstack([first.updated, second.updated]), whole.updated)
+
+
+def test_an_innovation_beyond_six_sigma_counts_as_one_of_six(drawn: tuple) -> None:
+    steps, Q, R, z0, P0 = drawn
+    before = forward(steps, Q, R, z0, P0)
+    r = steps.r.copy()
+    r[5, 1] += 1e3
+    found = forward(Steps(steps.F, steps.jump, steps.H, r), Q, R, z0, P0)
+    assert found.white[5, 1] == pytest.approx(6, rel=1e-12)
+    np.testing.assert_array_equal(found.updated[:5], before.updated[:5])
+    farther = forward(Steps(steps.F, steps.jump, steps.H, r + np.where(r > 500, 1e6, 0)), Q, R, z0, P0)
+    move = np.abs(found.updated[5] - before.updated[5]).max()
+    assert np.abs(farther.updated[5] - before.updated[5]).max() < 2 * move  # its pull has an end
+
+
+def test_the_adjoints_covariance_stays_one_over_a_long_run_with_a_state_that_nothing_shows() -> None:
+    """What rounding leaves of M that is not symmetric must not grow."""
+    count, rng = 20_000, np.random.default_rng(1)
+    turn = np.array([[np.cos(0.3), np.sin(0.3)], [-np.sin(0.3), np.cos(0.3)]])
+    F = block_diag(turn, [[1.02, 0.02], [-0.05, 0.97]], [[1.0]])
+    F[0, 3] = F[2, 0] = 0.3
+    H = np.zeros((2, 5))
+    H[0, 0] = H[1, 2] = 1.0
+    steps = Steps(np.tile(F, (count, 1, 1)), np.zeros((count, 5)), np.tile(H, (count, 1, 1)),
+                  rng.standard_normal((count, 2)))  # fmt: skip
+    found = backward(steps, forward(steps, np.full(5, 1e-6), np.full(2, 1.0), np.zeros(5), 1e-4 * np.eye(5)))
+    half = found.M[count // 2]
+    assert (found.M >= 0).all()
+    np.testing.assert_allclose(found.M[count // 4], half, rtol=1e-3, atol=1e-9)

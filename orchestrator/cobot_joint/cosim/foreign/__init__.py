@@ -1,0 +1,1 @@
+"""Units that others built: the step at which they couple, and what they can and lack."""

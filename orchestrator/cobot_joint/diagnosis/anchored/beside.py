@@ -1,0 +1,234 @@
+"""One point of the search: everything linear about the recorded motion, and what a term adds to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cobot_joint.diagnosis.anchored.background import background
+from cobot_joint.diagnosis.anchored.regression import Added, Columns, Products, Regression
+from cobot_joint.diagnosis.plant.plant import Port, TermCandidate
+from cobot_joint.diagnosis.state_estimation.estimator import Tracked
+from cobot_joint.diagnosis.state_estimation.evidence import Effect, Evidence, Tracking, combinations
+from cobot_joint.diagnosis.state_estimation.kalman import respond
+
+Array = NDArray[np.float64]
+Shapes = Mapping[str, float]
+BLOCKS = 4  # of each recording, left out in turn
+TOGETHER = 16  # combinations of shapes in one pass
+MANY = 10  # combinations of a wave's shapes from which on a stretch of the recordings is scanned first
+STRETCH = 2.0  # s of each recording, where it moves most
+FEW = 3  # shapes that are then tried on all of it
+LOOSE = 1e-12  # precision of what may have any size
+FAR = 5.99  # sigma of an innovation, as kalman.c limits it
+STEPS = 12  # onsets that are tried
+NEAR = 10  # samples about one that the filter could not follow, which say nothing either
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A switched-off term beside everything else.
+
+    values: `component.variable`, as it would be switched on; onset: s, None: from the start. added: its one or two
+    columns; evidence: of these, less the logarithm of how many shapes and onsets were tried.
+    by_runs: its answer is the difference of two runs.
+    """
+
+    term: TermCandidate
+    values: Mapping[str, float]
+    onset: float | None
+    added: Added
+    evidence: float
+    effect: Effect
+    by_runs: bool = False
+
+
+class Beside:
+    """Recordings followed with the same values: a regression of the innovations on free parameters and the background.
+
+    free: `component.parameter` -> (most likely value less the one it has now, 1 sigma that it may be off). linear:
+    effects that act as well, and that the values do not have.
+    """
+
+    def __init__(
+        self,
+        trackings: Sequence[Tracking],
+        free: Mapping[str, tuple[float, float]],
+        ports: Sequence[Port],
+        linear: Sequence[Effect] = (),
+    ) -> None:
+        self.trackings = list(trackings)
+        self.evidence = Evidence(trackings, free)
+        self.names = self.evidence.parameters
+        self.background = background(trackings, ports)
+        self._weight = [_followed(t) for t in self.trackings]
+        parts = [self._white(e) for e in (self.evidence.base, *linear, self.background.effect)]
+        self._X = [np.concatenate(of_one, axis=2) for of_one in zip(*parts, strict=True)]
+        self._e = [t.tracked.filtered.white[:, :, None] * w for t, w in zip(self.trackings, self._weight, strict=True)]
+        self.blocks = [(n, rows) for n, t in enumerate(self.trackings)
+                        for rows in _quarters(len(t.tracked.time))]  # fmt: skip
+        own = Columns(self._sums(self._X, self._X), self._sums(self._X, self._e)[:, :, 0])
+        acting = sum(e.direct[0].shape[2] for e in linear)
+        precision = np.concatenate([[1 / free[name][1] ** 2 for name in self.names], np.full(acting, LOOSE)])
+        centre = np.concatenate([[free[name][0] for name in self.names], np.zeros(acting)])
+        readings = sum(
+            int((w[:, 0] * (t.tracked.filtered.precision > 0)).sum())
+            for t, w in zip(self.trackings, self._weight, strict=True)
+        )
+        groups = [count for _, _, count in self.background.groups]
+        self.regression = Regression(own, precision, centre, groups, readings)
+        self._scan: Evidence | None = None
+
+    @property
+    def evidence_in_all(self) -> float:
+        """Log of the marginal likelihood, but for a constant."""
+        return sum(t.tracked.filtered.log_likelihood for t in self.trackings) + self.regression.evidence
+
+    @property
+    def corrections(self) -> dict[str, tuple[float, float]]:
+        """`component.parameter` -> by how much it is off, most likely, and 1 sigma of that."""
+        theta, sigma = self.regression.theta, np.sqrt(np.diag(self.regression.covariance))
+        return {name: (float(theta[k]), float(sigma[k])) for k, name in enumerate(self.names)}
+
+    def candidate(self, term: TermCandidate) -> Candidate | None:
+        """The term with the shapes that do best; None: no recording answers to it."""
+        every = list(combinations(term))
+        some = self._promising(term, every) if term.phase is not None and len(every) > MANY else every
+        return self.best(term, some, len(every), lambda shapes: self.evidence.of_term(term, shapes))
+
+    def best(
+        self, term: TermCandidate, some: Sequence[Shapes], tried: int, of: Callable[[Sequence[Shapes]], Effect]
+    ) -> Candidate | None:
+        """With those of some shapes that do best. tried: how many there were. of: a unit of the term with shapes, one
+        column each, or two of a wave."""
+        width = 1 if term.phase is None else 2
+        best: tuple[float, Shapes, Products, Effect] | None = None
+        for first in range(0, len(some), TOGETHER):
+            shapes = some[first : first + TOGETHER]
+            effect = of(shapes)
+            more = self._products(self._white(effect))
+            for k, shape in enumerate(shapes):
+                own = slice(k * width, (k + 1) * width)
+                gain = self.regression.gain(more[own])
+                if gain > (best[0] if best else 0.0):
+                    part = Effect([p[:, :, own] for p in effect.psi], [d[:, :, own] for d in effect.direct])
+                    best = gain, shape, more[own], part
+        added = self.regression.added(best[2]) if best else None
+        if best is None or added is None:
+            return None
+        values = _values(term, best[1], added.coefficients)
+        return Candidate(term, values, None, added, added.evidence - float(np.log(tried)), best[3])
+
+    def with_onset(self, found: Candidate, worth: float) -> Candidate:
+        """From the time on from which it does best, if that is worth so much more than being there from the start."""
+        last = max(float(t.tracked.time[-1]) for t in self.trackings)
+        best, width = found, last / (STEPS + 2)
+        for onset in (*(np.arange(1, STEPS + 1) * width), None, None):
+            times = [onset] if onset is not None else [] if best.onset is None else [
+                best.onset + share * width for share in (-0.5, -0.25, 0.25, 0.5)
+            ]  # fmt: skip
+            width = width if onset is not None else width / 4
+            for t_0 in times:
+                added = self.regression.added(self._products(self._white(self._since(found.effect, float(t_0)))))
+                evidence = -np.inf if added is None else added.evidence - np.log(STEPS)
+                if added is not None and evidence > best.evidence + (worth if best.onset is None else 0.0):
+                    shapes = {s.name: float(found.values[s.name]) for s in found.term.shapes}
+                    values = _values(found.term, shapes, added.coefficients)
+                    best = replace(found, values=values, onset=float(t_0), added=added, evidence=float(evidence))
+        return best
+
+    def predicted(self, found: Candidate) -> Array:
+        """Log likelihood that it adds to each of `blocks`, all fitted to the others: (blocks,)"""
+        return self.regression.predicted(self._products(self._white(found.effect)), found.added.variances)
+
+    def _since(self, effect: Effect, onset: float) -> Effect:
+        """The same from a time on."""
+        on = [t.tracked.time >= onset for t in self.trackings]
+        return Effect([p * m[1:, None, None] for p, m in zip(effect.psi, on, strict=True)],
+                      [d * m[:, None, None] for d, m in zip(effect.direct, on, strict=True)])  # fmt: skip
+
+    def _promising(self, term: TermCandidate, every: Sequence[Mapping[str, float]]) -> Sequence[Mapping[str, float]]:
+        """Those that do best on a stretch of each recording."""
+        if self._scan is None:
+            self._scan = Evidence([_stretch(t) for t in self.trackings], self.evidence.tolerances)
+        width = 2
+        gains: list[float] = []
+        for first in range(0, len(every), TOGETHER):
+            some = every[first : first + TOGETHER]
+            groups = [slice(k * width, (k + 1) * width) for k in range(len(some))]
+            gains += [gain for _, _, gain in self._scan.gls(self._scan.of_term(term, some), groups)]
+        return [every[k] for k in np.argsort(gains)[::-1][:FEW]]
+
+    def _white(self, effect: Effect) -> list[Array]:
+        """In the innovations: (n, channels, columns) per recording"""
+        parts = zip(self.trackings, effect.psi, effect.direct, self._weight, strict=True)
+        return [respond(t.tracked.steps, t.tracked.filtered, psi, direct) * w for t, psi, direct, w in parts]
+
+    def _products(self, white: Sequence[Array]) -> Products:
+        return Products(self._sums(white, white), self._sums(self._X, white), self._sums(white, self._e)[:, :, 0])
+
+    def _sums(self, a: Sequence[Array], b: Sequence[Array]) -> Array:
+        """(blocks, columns of a, columns of b)"""
+        return np.stack([a[n][rows].reshape(-1, a[n].shape[2]).T @ b[n][rows].reshape(-1, b[n].shape[2])
+                         for n, rows in self.blocks])  # fmt: skip
+
+
+def _followed(t: Tracking) -> Array:
+    """1 where the filter could follow, 0 about impacts that it could not: (n, 1, 1)"""
+    lost = np.any(np.abs(t.tracked.filtered.white) > FAR, axis=1).astype(float)
+    near = np.convolve(lost, np.ones(2 * NEAR + 1), "same") > 0
+    return np.where(near, 0.0, 1.0)[:, None, None]
+
+
+def _quarters(n: int) -> list[slice]:
+    edges = np.linspace(0, n, BLOCKS + 1).astype(int)
+    return [slice(int(a), int(b)) for a, b in pairwise(edges)]
+
+
+def _values(term: TermCandidate, shapes: Mapping[str, float], theta: Array) -> dict[str, float]:
+    """Inside its bounds. theta: its amplitude over the neutral one, or the two parts of a wave's."""
+    if term.phase is None:
+        return {**shapes, term.amplitude: float(np.clip(term.neutral + theta[0], term.lower, term.upper))}
+    amplitude = float(min(np.hypot(*theta), term.upper))
+    return {**shapes, term.amplitude: amplitude, term.phase: float(np.arctan2(theta[1], theta[0]))}
+
+
+def _stretch(t: Tracking) -> Tracking:
+    """The segments of a recording in which it moves most."""
+    tracked = t.tracked
+    every = len(tracked.tangents[0].Phi)
+    count = min(max(round(STRETCH / tracked.recording.step / every), 1), len(tracked.tangents))
+    moved = np.abs(np.diff(tracked.x, axis=0) / t.estimator.sampled.nominal).sum(axis=1)
+    ends = np.cumsum([len(tangent.Phi) for tangent in tracked.tangents])
+    of_segment = np.diff(np.concatenate([[0.0], np.cumsum(moved)[ends - 1]]))
+    first = int(np.argmax(np.convolve(of_segment, np.ones(count), "valid")))
+    return replace(t, tracked=_rows(tracked, first, first + count, every))
+
+
+def _rows(tracked: Tracked, first: int, end: int, every: int) -> Tracked:
+    tangents = tracked.tangents[first:end]
+    rows = slice(first * every, first * every + sum(len(tangent.Phi) for tangent in tangents) + 1)
+    found = tracked.filtered
+    parts = ("predicted", "updated", "P", "e", "precision", "K")
+    recording = replace(
+        tracked.recording,
+        time=tracked.recording.time[rows],
+        inputs={name: u[rows] for name, u in tracked.recording.inputs.items()},
+        outputs={name: y[rows] for name, y in tracked.recording.outputs.items()},
+    )
+    return replace(
+        tracked,
+        recording=recording,
+        time=tracked.time[rows],
+        x=tracked.x[rows],
+        y=tracked.y[rows],
+        signals={name: s[rows] for name, s in tracked.signals.items()},
+        reference=tracked.reference[rows],
+        steps=tracked.steps[rows],
+        filtered=replace(found, **{part: getattr(found, part)[rows] for part in parts}),
+        tangents=tangents,
+    )

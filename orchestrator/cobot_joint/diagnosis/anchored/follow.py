@@ -1,0 +1,29 @@
+"""From a campaign to the search along its recorded motion, where its units let states be set."""
+
+from __future__ import annotations
+
+from cobot_joint.cosim import SimulationError
+from cobot_joint.diagnosis.anchored.search import Progress, Search, Searcher
+from cobot_joint.diagnosis.anchored.tracks import Tracker
+from cobot_joint.diagnosis.data.campaign import Campaign
+from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
+from cobot_joint.diagnosis.plant.plant import Plant
+from cobot_joint.diagnosis.state_estimation.noise import noise_of
+from cobot_joint.diagnosis.state_estimation.states import states_of
+
+
+def follow(campaign: Campaign, plant: Plant, say: Progress) -> Search | None:
+    """None: a unit allows no state to be set, a recording is a table, or none of them can be followed."""
+    if not isinstance(plant, FmuPlant) or any(states_of(system) is None for system in plant.systems.values()):
+        return None
+    if any(recording.scatter for recording in campaign.train):
+        return None
+    bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
+    bounds = {name: (low, high) for name, (low, high) in bounds.items() if low < high}
+    terms = [t for t in plant.terms if any(plant.has(t.name, r) for r in campaign.train)]
+    with Tracker(plant, campaign.train, noise_of(campaign)) as tracker:
+        try:
+            return Searcher(plant, tracker, bounds, terms, say).search()
+        except SimulationError as error:
+            say(f"the recordings cannot be followed: {error}")
+            return None

@@ -1,0 +1,342 @@
+"""Forward selection along the recorded motion: one term at a time, while the data speak for it beside a background."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cobot_joint.cosim import SimulationError
+from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.anchored.background import SPEEDS
+from cobot_joint.diagnosis.anchored.beside import Beside, Candidate
+from cobot_joint.diagnosis.anchored.tracks import Tracker
+from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.findings import Estimate
+from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
+from cobot_joint.diagnosis.plant.plant import PROBE, TermCandidate
+from cobot_joint.diagnosis.plant.plant import SimulationError as RunError
+from cobot_joint.diagnosis.state_estimation.evidence import Effect, combinations
+
+Bounds = Mapping[str, tuple[float, float]]
+Progress = Callable[[str], None]
+SETTLE, RESETTLE = 2, 1  # corrections of the free parameters, from nominal; after a term was added
+FLAT = 1e3  # of a value: 1 sigma that a term's own parameter may be off
+FARTHEST = 0.5  # of a value, that a term's own parameter moves at once
+LEADERS = 4  # candidates whose onsets are looked at
+TRIED = 5  # of those best ranked
+POINTED = 20  # of those that a later look is confined to: what is far behind now stays there
+NORMAL = 1.96
+# of the logarithm of the odds: by the decimal logarithm of the nats gained in all, by the rival's share of evidence;
+# even odds at 100, between the false and the right ones of a few drawn machines (docs/state-estimation.md)
+INTERCEPT, COEFFICIENT, RIVAL = -5.0, 2.5, -1.0
+MOST = 0.97
+PROBED = 0.3  # of the noise, that a run is moved by where a term's answer is taken from runs
+
+
+@dataclass(frozen=True)
+class Named:
+    """A term that is on.
+
+    rival: evidence of the best term that could not be called alike. blocks: log likelihood that it adds to quarters of
+    the recordings that it was not fitted to; in_all: to all of them, followed again with it.
+    """
+
+    candidate: Candidate
+    alike: tuple[str, ...]
+    rival: float
+    blocks: tuple[float, ...]
+    where: dict[str, object]
+    in_all: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """`component.term`, or the base parameter that is outside its tolerance."""
+        return self.candidate.term.name
+
+    @property
+    def evidence(self) -> float:
+        """For it, when it was added."""
+        return self.candidate.evidence
+
+    @property
+    def predicted(self) -> float:
+        """Log likelihood that it adds to blocks that it was not fitted to, see `_predicts`."""
+        return _predicts(self.blocks)
+
+
+def confidence(named: Named) -> float:
+    """0..1, by how much more likely the recordings have become, and by how near the best of the others came."""
+    share = max(named.rival, 0.0) / max(named.evidence, 1.0)
+    score = INTERCEPT + COEFFICIENT * math.log10(max(named.in_all, 1.0)) + RIVAL * share
+    return round(min(1 / (1 + math.exp(-score)), MOST), 3)
+
+
+@dataclass
+class Search:
+    """Values so far: base parameters and terms. history: total evidence before the first term, and after each."""
+
+    values: dict[str, float] = field(default_factory=dict)
+    onsets: dict[str, float] = field(default_factory=dict)
+    own: dict[str, tuple[float, float]] = field(default_factory=dict)  # terms' parameters -> bounds
+    named: list[Named] = field(default_factory=list)
+    linear: list[Candidate] = field(default_factory=list)  # of these, those whose memory a filter's restarts would lose
+    ranking: list[list[tuple[str, float]]] = field(default_factory=list)
+    history: list[float] = field(default_factory=list)
+    calibrated: dict[str, Estimate] = field(default_factory=dict)
+    repaired: dict[str, Estimate] = field(default_factory=dict)
+    background: list[dict[str, object]] = field(default_factory=list)  # as `discrepancy` of diagnosis.json
+
+    def supports(self, term: str) -> float:
+        """Confidence in a term that was named, or could not be told from one; 0: neither."""
+        return max((confidence(n) for n in self.named if term in (n.name, *n.alike)), default=0.0)
+
+
+class Searcher:
+    """bounds: base parameters -> what their tolerances allow. terms: what may be named."""
+
+    def __init__(
+        self, plant: FmuPlant, tracker: Tracker, bounds: Bounds, terms: Sequence[TermCandidate], say: Progress
+    ) -> None:
+        self.plant, self.tracker, self.say = plant, tracker, say
+        self.bounds, self.terms = dict(bounds), list(terms)
+        self._base_runs: dict[int, list[NDArray[np.float64]] | None] = {}  # of one point of the search
+        self._pointed: set[str] = set()  # terms that the first look pointed to
+
+    def search(self) -> Search:
+        """SimulationError: the recordings cannot be followed."""
+        found = Search()
+        at = self._settle(found, SETTLE)
+        found.calibrated = self._estimates(found, at)
+        while True:
+            found.history.append(at.evidence_in_all)
+            room = len(found.named) < thresholds.MOST_TERMS
+            more = (
+                next(filter(None, (self._added(found, at, n) for n in self._next(found, at))), None) if room else None
+            )
+            if more is None:
+                break
+            found, at = more
+        found.repaired = self._estimates(found, at)
+        found.background = _background(at, self.plant)
+        return found
+
+    def _added(self, found: Search, at: Beside, named: Named) -> tuple[Search, Beside] | None:
+        """With a term switched on; None: the recordings are less likely then, its linear share notwithstanding."""
+        self.say(f"{named.name}: evidence {named.evidence:.0f}, left-out parts {named.predicted:.0f}")
+        with_it = self._with(found, named)
+        try:
+            then = self._settle(with_it, RESETTLE)
+        except SimulationError as error:
+            self.say(f"{named.name} cannot be simulated: {error}")
+            return None
+        more = then.evidence_in_all - at.evidence_in_all
+        self.say(f"{named.name}: {more:+.0f} in all")
+        if named.name in self.bounds:  # in what is linear it was free to leave its tolerance already
+            more = named.evidence
+        with_it.named[-1] = replace(named, in_all=more)
+        return (with_it, then) if more > 0 else None
+
+    def _settle(self, found: Search, rounds: int) -> Beside:
+        """Follow the recordings, and again with the free parameters where they are most likely."""
+        for n in range(rounds + 1):
+            self.say(f"following the recordings, {n + 1} of {rounds + 1}")
+            trackings = self.tracker.follow(found.values, found.onsets)
+            at = Beside(trackings, self._free(found), self.plant.ports, [c.effect for c in found.linear])
+            if n == rounds:
+                return at
+            for name, (off, _) in at.corrections.items():
+                found.values[name] = self._moved(found, name, off)
+        raise AssertionError
+
+    def _free(self, found: Search) -> dict[str, tuple[float, float]]:
+        free = {}
+        for name, (low, high) in self.bounds.items():
+            if name not in found.own:
+                free[name] = (low + high) / 2 - self._value(found, name), (high - low) / 2
+        for name in found.own:
+            free[name] = 0.0, FLAT * max(abs(self._value(found, name)), 1e-9)
+        return free
+
+    def _moved(self, found: Search, name: str, off: float) -> float:
+        value = self._value(found, name)
+        low, high = found.own.get(name) or self.bounds[name]
+        if name in found.own and name not in self.bounds and not name.endswith(".phi_0"):
+            off = float(np.clip(off, -FARTHEST * abs(value), FARTHEST * abs(value)))
+        return float(np.clip(value + off, low, high))
+
+    def _value(self, found: Search, name: str) -> float:
+        return found.values.get(name, self.plant.parameters[name].nominal)
+
+    def _next(self, found: Search, at: Beside) -> list[Named]:
+        """Terms that the data speak for, best first."""
+        on = {name for named in found.named for name in (named.name, *named.alike)}
+        ranked: list[Candidate] = []
+        every = [*self.terms, *(self._as_term(found, name) for name in self.bounds)]
+        pool = [t for t in every if t.name not in on and t.amplitude not in found.own]
+        pool = [t for t in pool if not self._pointed or t.name in self._pointed]
+        for n, term in enumerate(pool):
+            self.say(f"{term.name}, {n + 1} of {len(pool)}")
+            outside = term.name in self.bounds
+            candidate = at.candidate(term) or (None if outside else self._by_runs(found, at, term))
+            candidate = self._outside(found, at, candidate) if candidate and outside else candidate
+            if candidate is not None:
+                ranked.append(candidate)
+        ranked.sort(key=lambda c: -c.evidence)
+        leaders = [
+            c if c.term.name in self.bounds else at.with_onset(c, thresholds.LATER / 2) for c in ranked[:LEADERS]
+        ]
+        ranked = sorted([*leaders, *ranked[LEADERS:]], key=lambda c: -c.evidence)
+        self._pointed = self._pointed or {c.term.name for c in ranked[:POINTED]}
+        found.ranking.append([(c.term.name, c.evidence) for c in ranked[:10]])
+        taken = max((named.evidence for named in found.named), default=0.0)
+        least = max(thresholds.ANCHORED_EVIDENCE, thresholds.ANCHORED_LATER * taken)
+        promising: list[Named] = []
+        for n, best in enumerate(ranked[:TRIED]):
+            patch = best.term.name in self.bounds and best.evidence < taken  # of what a term's form leaves
+            if best.evidence < least or patch or any(best.term.name in p.alike for p in promising):
+                continue
+            predicted = at.predicted(best)
+            if best.term.name in self.bounds or _predicts(predicted) > 0:
+                promising.append(self._named(at, best, ranked[n + 1 :], predicted))
+        return promising
+
+    def _named(self, at: Beside, best: Candidate, others: Sequence[Candidate], predicted: NDArray[np.float64]) -> Named:
+        close = best.evidence - max(thresholds.ANCHORED_ALIKE, thresholds.ANCHORED_ALIKE_SHARE * best.evidence)
+        alike = [c.term.name for c in others if c.evidence > close]
+        rival = max((c.evidence for c in others if c.evidence <= close), default=0.0)
+        return Named(best, tuple(alike), rival, tuple(map(float, predicted)), _where(at, predicted))
+
+    def _by_runs(self, found: Search, at: Beside, term: TermCandidate) -> Candidate | None:
+        """A term with a memory answers to nothing while it is off: what it does to a run, in proportion."""
+        recordings = [t.tracked.recording for t in at.trackings]
+        if (base := self._base_runs.get(id(at))) is None:
+            self._base_runs = {id(at): self._runs(found, recordings, {})}
+            base = self._base_runs[id(at)]
+        probe = PROBE.get(term.unit, PROBE["1"])
+        every = list(combinations(term))
+        if base is None or (far := self._runs(found, recordings, _on(term, every[0], probe))) is None:
+            return None
+        moved = np.concatenate([((b - a) / [n.sigma for n in t.estimator.noise]).ravel()
+                                for a, b, t in zip(base, far, at.trackings, strict=True)])  # fmt: skip
+        size = float(np.sqrt(np.mean(moved**2)))
+        if size == 0:
+            return None
+        probe *= float(np.clip(PROBED / size, 1e-3, 1e3))
+
+        def of(shapes: Sequence[Mapping[str, float]]) -> Effect:
+            runs = [self._runs(found, recordings, _on(term, shape, probe)) or base for shape in shapes]
+            direct = [np.stack([(run[n] - base[n]) / probe for run in runs], axis=2) for n in range(len(recordings))]
+            return Effect([np.zeros((len(d) - 1, t.estimator.x.stop, d.shape[2]))
+                           for d, t in zip(direct, at.trackings, strict=True)], direct)  # fmt: skip
+
+        candidate = at.best(term, every, len(every), of) if term.phase is None else None
+        return candidate and replace(candidate, by_runs=True)
+
+    def _runs(
+        self, found: Search, recordings: Sequence[Recording], more: Mapping[str, float]
+    ) -> list[NDArray[np.float64]] | None:
+        """Per recording, outputs of a free run, (n, channels); None: one came to no end."""
+        results = []
+        for r in recordings:
+            values = {name: value for name, value in {**found.values, **more}.items() if self.plant.has(name, r)}
+            late = {name: t for name, t in found.onsets.items() if name in values}
+            try:
+                outputs = self.plant.simulate(values, r, onsets=late)
+            except RunError:
+                return None
+            results.append(np.column_stack([outputs[channel] for channel in r.outputs]))
+        return results
+
+    def _outside(self, found: Search, at: Beside, candidate: Candidate) -> Candidate | None:
+        """A base parameter is an answer of its own where its tolerance holds it back: by as much as the recordings are
+        less likely at the bound."""
+        name = candidate.term.name
+        off, sigma = at.corrections[name]
+        value, (low, high) = self._value(found, name) + off, self.bounds[name]
+        beyond = max(value - high, low - value)
+        if beyond <= 0:
+            return None
+        evidence = 0.5 * (beyond / sigma) ** 2 - 0.5 * float(np.log(at.regression.readings))
+        p = self.plant.parameters[name]
+        return replace(candidate, values={name: float(np.clip(value, p.lower, p.upper))}, evidence=evidence)
+
+    def _with(self, found: Search, named: Named) -> Search:
+        """With one term more."""
+        candidate, term = named.candidate, named.candidate.term
+        if candidate.by_runs:
+            return replace(found, linear=[*found.linear, candidate], named=[*found.named, named])
+        own = {term.amplitude: (term.lower, term.upper)} | {
+            s.name: (s.lower, s.upper) for s in term.shapes if not s.whole
+        }
+        own |= {term.phase: (-np.inf, np.inf)} if term.phase is not None else {}
+        late = {term.amplitude: candidate.onset} if candidate.onset is not None else {}
+        return replace(
+            found,
+            values={**found.values, **candidate.values},
+            onsets={**found.onsets, **late},
+            own={**found.own, **own},
+            named=[*found.named, named],
+        )
+
+    def _as_term(self, found: Search, name: str) -> TermCandidate:
+        """A base parameter as something to be named, its neutral value the present one."""
+        p = self.plant.parameters[name]
+        return TermCandidate(name, name, self._value(found, name), p.lower, p.upper, p.unit)
+
+    def _estimates(self, found: Search, at: Beside) -> dict[str, Estimate]:
+        """Base parameters and terms' parameters with marginal 95 % intervals."""
+        units = {name: p.unit for name, p in self.plant.parameters.items()}
+        result = {}
+        for name, (_, sigma) in at.corrections.items():
+            value = self._value(found, name)
+            low, high = found.own.get(name) or self.bounds[name]
+            side = "lower" if value <= low else "upper" if value >= high else None
+            interval = value - NORMAL * sigma, value + NORMAL * sigma
+            result[name] = Estimate(value, units.get(name, "1"), interval, side)  # type: ignore[arg-type]
+        for name, value in found.values.items():
+            result.setdefault(name, Estimate(value, units.get(name, "1"), (value, value)))
+        return result
+
+
+def _on(term: TermCandidate, shapes: Mapping[str, float], step: float) -> dict[str, float]:
+    return {**shapes, term.amplitude: float(np.clip(term.neutral + step, term.lower, term.upper))}
+
+
+def _predicts(blocks: Sequence[float] | NDArray[np.float64]) -> float:
+    """Sum over blocks without the best and the worst: no term stands on one of them, or falls with an impact in one."""
+    return float(np.sort(blocks)[1:-1].sum())
+
+
+def _where(at: Beside, predicted: NDArray[np.float64]) -> dict[str, object]:
+    """The recording and the part of it whose likelihood the term raises most."""
+    best = int(np.argmax(predicted))
+    number, rows = at.blocks[best]
+    time = at.trackings[number].tracked.time
+    return {"recording": at.trackings[number].tracked.recording.name, "by_regime": [],
+            "time": [float(time[rows.start]), float(time[rows.stop - 1])]}  # fmt: skip
+
+
+def _background(at: Beside, plant: FmuPlant) -> list[dict[str, object]]:
+    """How large what was given no name is at each port: over the unit's own speed and load, and over time."""
+    units = {port.name: (port.unit, {s: _variable(plant, s) for s in port.signals}) for port in plant.ports}
+    found: list[dict[str, object]] = []
+    for (port, signal, _), place, bells in zip(
+        at.background.groups, at.regression.places, at.background.signals, strict=True
+    ):
+        rms = float(np.sqrt(np.mean((bells @ at.regression.theta[place]) ** 2)))
+        found.append({"port": port, "variable": units[port][1].get(signal, "load"), "rms": rms, "unit": units[port][0]})
+    for port in dict.fromkeys(name for t in at.trackings for name in t.estimator.ports):
+        sizes = [[latent.sigma for latent in t.estimator.latents if latent.port == port] for t in at.trackings]
+        rms = float(np.sqrt(np.mean([np.sum(np.square(s)) for s in sizes if s])))
+        found.append({"port": port, "variable": "time", "rms": rms, "unit": units[port][0]})
+    return found
+
+
+def _variable(plant: FmuPlant, signal: str) -> str:
+    component, variable = signal.split(".", 1)
+    unit = next(c.unit for s in plant.systems.values() for c in s.components if c.name == component)
+    return "w" if unit.unit_of(variable) in SPEEDS else "load"

@@ -1,0 +1,110 @@
+"""The regression beside a background says what dense linear algebra says, and tells a term from a smooth function."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cobot_joint.diagnosis.anchored.regression import Columns, Products, Regression
+
+Array = NDArray[np.float64]
+BLOCKS, ROWS = 4, 400
+
+
+def sums(a: Array, b: Array) -> Array:
+    """Block by block."""
+    return np.stack([x.T @ y for x, y in zip(np.split(a, BLOCKS), np.split(b, BLOCKS), strict=True)])
+
+
+def regression(known: Array, smooth: Array, e: Array, precision: float = 1.0) -> Regression:
+    X, k = np.hstack([known, smooth]), known.shape[1]
+    columns = Columns(sums(X, X), sums(X, e[:, None])[:, :, 0])
+    return Regression(columns, np.full(k, precision), np.zeros(k), [smooth.shape[1]], len(e))
+
+
+def products(known: Array, smooth: Array, more: Array, e: Array) -> Products:
+    X = np.hstack([known, smooth])
+    return Products(sums(more, more), sums(X, more), sums(more, e[:, None])[:, :, 0])
+
+
+def bells(x: Array, count: int = 8) -> Array:
+    middles = np.linspace(-1, 1, count)
+    return np.exp(-0.5 * ((x[:, None] - middles) / (middles[1] - middles[0])) ** 2)
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(11)
+
+
+def drawn(rng: np.random.Generator) -> tuple[Array, Array, Array]:
+    """Two known columns, a background over a variable, and the variable."""
+    x = rng.uniform(-1, 1, ROWS)
+    return rng.normal(size=(ROWS, 2)), bells(x), x
+
+
+def test_the_evidence_is_that_of_the_dense_gaussian(rng: np.random.Generator) -> None:
+    known, smooth, _ = drawn(rng)
+    e = rng.normal(size=ROWS) + known @ [0.3, -0.2] + smooth @ rng.normal(0, 0.3, 8)
+    found = regression(known, smooth, e)
+    K = np.eye(ROWS) + known @ known.T + found.variances[0] * smooth @ smooth.T
+    dense = -0.5 * (e @ np.linalg.solve(K, e) - e @ e) - 0.5 * np.linalg.slogdet(K)[1]
+    assert found.evidence == pytest.approx(dense, abs=1e-6)
+
+
+def test_a_groups_variance_is_the_most_likely_one(rng: np.random.Generator) -> None:
+    known, smooth, _ = drawn(rng)
+    e = rng.normal(size=ROWS) + smooth @ rng.normal(0, 0.7, 8)
+    found = regression(known, smooth, e)
+
+    def evidence(variance: float) -> float:
+        K = np.eye(ROWS) + known @ known.T + variance * smooth @ smooth.T
+        return float(-0.5 * e @ np.linalg.solve(K, e) - 0.5 * np.linalg.slogdet(K)[1])
+
+    best = float(found.variances[0])
+    assert evidence(best) > max(evidence(best * 1.3), evidence(best / 1.3))
+
+
+def test_a_term_in_a_background_has_its_size_and_evidence(rng: np.random.Generator) -> None:
+    known, smooth, _ = drawn(rng)
+    wave = np.sin(40 * np.linspace(0, 1, ROWS))[:, None]
+    e = rng.normal(size=ROWS) + smooth @ rng.normal(0, 0.5, 8) + 0.8 * wave[:, 0]
+    found = regression(known, smooth, e)
+    more = products(known, smooth, wave, e)
+    added = found.added(more)
+    assert added is not None
+    assert added.coefficients[0] == pytest.approx(0.8, abs=4 * np.sqrt(added.covariance[0, 0]))
+    assert added.evidence > 20
+    assert found.gain(more) > 20
+    assert (found.predicted(more, added.variances) > 0).all()
+
+
+def test_what_only_a_background_does_is_no_evidence_for_a_term(rng: np.random.Generator) -> None:
+    """A straight line over the variable, where the background waves."""
+    known, smooth, x = drawn(rng)
+    e = rng.normal(size=ROWS) + smooth @ rng.normal(0, 1.0, 8)
+    found = regression(known, smooth, e)
+    added = found.added(products(known, smooth, x[:, None], e))
+    assert added is None or added.evidence < 3
+
+
+def test_a_column_that_others_make_up_says_nothing_of_its_own(rng: np.random.Generator) -> None:
+    known, smooth, _ = drawn(rng)
+    e = rng.normal(size=ROWS)
+    found = regression(known, smooth, e, precision=1e-12)
+    assert found.added(products(known, smooth, known[:, :1], e)) is None
+    assert found.gain(products(known, smooth, known[:, :1], e)) == 0
+
+
+def test_a_term_in_one_block_only_does_not_predict_the_others(rng: np.random.Generator) -> None:
+    known, smooth, _ = drawn(rng)
+    wave = np.sin(40 * np.linspace(0, 1, ROWS))[:, None]
+    e = rng.normal(size=ROWS)
+    e[:100] += 2 * wave[:100, 0]
+    found = regression(known, smooth, e)
+    more = products(known, smooth, wave, e)
+    added = found.added(more)
+    assert added is not None
+    predicted = found.predicted(more, added.variances)
+    assert predicted.sum() - predicted.max() < 0

@@ -1,0 +1,75 @@
+"""Along the recorded motion a term is named beside a background, and the background is not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from cobot_joint.diagnosis.anchored.search import Search, Searcher
+from cobot_joint.diagnosis.anchored.tracks import Tracker
+from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
+from cobot_joint.system.read import load_system
+from tests.orchestrator.diagnosis.state_estimation.rig import NOISE, clock, recorded, run
+
+SOME = {
+    "cogging", "stribeck", "windage", "current_offset", "load_friction", "imbalance", "pulley_eccentricity",
+    "supply_sag", "hysteresis", "gain",
+}  # fmt: skip
+BOUNDS = ("motor_bldc.winding.R", "motor_bldc.friction.d", "planetary_gear.mesh.eta", "mr_brake_belt.brake.k_b")  # 10 %
+SECONDS = 4.0
+
+
+def background(values: Mapping[str, float]) -> dict[str, np.ndarray]:
+    """Friction that waves over speed, a torque over an angle of no whole order, a drifting supply: signals at ports."""
+    t = clock(SECONDS)
+    motion = run(values, seconds=SECONDS).signals
+    w, phi_b = motion["motor_bldc.w"], motion["mr_brake_belt.phi_b"]
+    return {
+        "motor_bldc.tau_add": 2e-4 * np.exp(-(((w - 150) / 60) ** 2)) - 1.5e-4 * np.exp(-(((w - 280) / 40) ** 2)),
+        "mr_brake_belt.tau_add": 0.01 * np.sin(2.7 * phi_b),
+        "motor_bldc.v_add": 0.02 * np.sin(2 * np.pi * t / 3.1),
+    }
+
+
+def search(values: Mapping[str, float]) -> Search:
+    recording = recorded(run(values, background(values), seconds=SECONDS))
+    with FmuPlant({"loaded": load_system("joint_logged")}) as plant, Tracker(plant, [recording], NOISE) as tracker:
+        bounds = {}
+        for name in BOUNDS:
+            nominal = plant.parameters[name].nominal
+            bounds[name] = 0.9 * nominal, 1.1 * nominal
+        terms = [t for t in plant.terms if t.name.split(".")[1] in SOME]
+        return Searcher(plant, tracker, bounds, terms, lambda words: None).search()
+
+
+def test_a_background_alone_is_given_no_name() -> None:
+    found = search({"motor_bldc.winding.R": 0.209 * 1.03})
+    assert found.named == []
+    assert found.calibrated["motor_bldc.winding.R"].value == pytest.approx(0.209 * 1.03, rel=0.02)
+
+
+def test_cogging_in_a_background_is_named_with_its_size_and_order() -> None:
+    values = {"motor_bldc.cogging.A": 3e-3, "motor_bldc.cogging.n": 7.0, "motor_bldc.cogging.phi_0": 0.8}
+    found = search(values)
+    assert [named.name for named in found.named] == ["motor_bldc.cogging"]
+    assert found.values["motor_bldc.cogging.n"] == 7
+    estimate = found.repaired["motor_bldc.cogging.A"]
+    assert estimate.value == pytest.approx(3e-3, rel=0.1)
+    assert found.supports("motor_bldc.cogging") > 0.9
+    assert found.supports("motor_bldc.windage") == 0
+
+
+def test_a_term_with_a_memory_is_seen_by_what_it_does_to_a_run() -> None:
+    found = search({"torque_sensor.hysteresis.H": 0.12, "torque_sensor.hysteresis.tau_H": 0.4})
+    assert found.named
+    assert found.named[0].name == "torque_sensor.hysteresis"
+    assert [candidate.term.name for candidate in found.linear] == ["torque_sensor.hysteresis"]
+
+
+def test_a_base_parameter_outside_its_tolerance_is_named_itself() -> None:
+    found = search({"motor_bldc.winding.R": 0.209 * 1.35})
+    assert [named.name for named in found.named] == ["motor_bldc.winding.R"]
+    assert found.repaired["motor_bldc.winding.R"].value == pytest.approx(0.209 * 1.35, rel=0.03)
+    assert found.calibrated["motor_bldc.winding.R"].value <= 0.209 * 1.1 + 1e-12

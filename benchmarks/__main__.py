@@ -13,7 +13,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import rows_bench, rows_cost, rows_peers, rows_runs
+from benchmarks import rows_bench, rows_cost, rows_isolation, rows_peers, rows_runs
 from benchmarks.measure import Row
 
 GROUPS: dict[str, Callable[[argparse.Namespace], list[Row]]] = {
@@ -21,6 +21,7 @@ GROUPS: dict[str, Callable[[argparse.Namespace], list[Row]]] = {
     "peers": lambda arguments: rows_peers.same_bench(arguments.peers),
     "own-cost": lambda arguments: rows_peers.own_cost(arguments.peers),
     "cost": lambda arguments: _cost(arguments),
+    "isolation": lambda _: rows_isolation.cost(),
     "simscape": lambda _: rows_bench.three_phase_level(),
     "runs": lambda _: rows_runs.many(),
     "hour": lambda _: rows_runs.hour(),
@@ -81,6 +82,7 @@ def main() -> int:
     arguments = parser.parse_args()
     if unknown := [group for group in arguments.groups if group not in GROUPS]:
         parser.error(f"group {unknown[0]!r}: allowed are {', '.join(GROUPS)}")
+    os.environ.setdefault("COBOT_JOINT_ISOLATE", "none")  # the benchmarks' own units are foreign, and not what counts
     arguments.out.mkdir(parents=True, exist_ok=True)
 
     console = Console()

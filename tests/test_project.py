@@ -98,6 +98,25 @@ def test_what_the_package_imports_is_declared() -> None:
     assert not undeclared
 
 
+def declared(*extras: str) -> set[str]:
+    """Names of what the project requires, and of what these extras add."""
+    own = project()["project"]
+    rows = [*own["dependencies"], *(row for extra in extras for row in own["optional-dependencies"][extra])]
+    return {re.split(r"[ \[<>=~!]", row)[0] for row in rows} - {"cobot-joint"}
+
+
+def test_the_licence_of_everything_that_is_required_is_listed() -> None:
+    page = (ROOT / "docs/licences.md").read_text(encoding="utf-8")
+    listed = {name for row in re.findall(r"^\| ([^|]+) \|", page, flags=re.M) for name in row.split(", ")}
+    assert listed - {"package", "---"} == declared(*project()["project"]["optional-dependencies"])
+
+
+def test_the_lock_pins_what_an_installation_needs_with_hashes() -> None:
+    entries = re.split(r"\n(?=\S)", (ROOT / "requirements.lock").read_text(encoding="utf-8").strip())
+    assert all("==" in entry.splitlines()[0] and "--hash=sha256:" in entry for entry in entries)
+    assert declared() <= {entry.split("==")[0] for entry in entries}
+
+
 def test_the_installed_package_finds_its_data_from_any_folder(tmp_path: Path) -> None:
     program = "from cobot_joint.paths import folder; print(len(list(folder('systems').glob('*.ssd'))))"
     done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, timeout=120)

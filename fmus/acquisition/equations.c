@@ -68,6 +68,9 @@ static void unit_sample(Unit *m) {
   amend_newest_row(m);
   if (T_s == 0) {
     draw_noise(m);
+  } else if (T_s <= slack || m->time + T_s == m->time) { /* below what time resolves: every point is a sample */
+    draw_noise(m);
+    signals(m, m->time, m->held + 1);
   } else {
     while (m->held[0] <= m->time + slack) {
       draw_noise(m);

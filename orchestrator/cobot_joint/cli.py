@@ -20,16 +20,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table as Grid
 
 from cobot_joint.diagnosis import commands as diagnosis
 from cobot_joint.diagnosis import own_bench
-from cobot_joint.errors import UserError, among
+from cobot_joint.errors import UserError, among, printable
 from cobot_joint.files import results_folder, what_is_missing
 from cobot_joint.interrupts import Interrupted, interruptible
+from cobot_joint.precautions import Precautions, common_first
+from cobot_joint.screen import Screen
 from cobot_joint.version import __version__
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
 
 HELP = """A cobot joint's test bench: run it, compare it with recordings, export it.
 
--q, -v and --json may stand anywhere in the call.
+-q, -v, --json, --isolate and limits may stand anywhere in the call.
 """
 RUN_HELP = """Run a scenario: signals.parquet, pictures and a summary.
 
@@ -81,9 +82,9 @@ app = typer.Typer(
     rich_markup_mode=None,
     help=HELP,
 )
-console = Console()
+console = Screen()
 if not console.is_terminal and "COLUMNS" not in os.environ:
-    console = Console(width=200)  # for a file or another program: a row is a line
+    console = Screen(width=200)  # for a file or another program: a row is a line
 
 
 class Importer(Enum):
@@ -103,6 +104,7 @@ class Output:
 
 
 output = Output()
+WITHOUT_JSON = {"inspect", "new", "prove"}
 
 
 def _version(wanted: bool) -> None:
@@ -166,18 +168,20 @@ class Changes:
 
 
 _NONE = Changes()
+_NO_PRECAUTIONS = Precautions()
 
 
-def with_changes(command: Callable[..., None]) -> Callable[..., None]:
-    """The command, whose last argument is `Changes`, with a command-line option for each of its fields."""
+def with_options(command: Callable[..., None]) -> Callable[..., None]:
+    """The command, whose last argument is a dataclass of options, with a command-line option for each of its fields."""
     *own, last = inspect.signature(command, eval_str=True).parameters.values()
-    types = get_type_hints(Changes, include_extras=True)
-    names = [field.name for field in fields(Changes)]
+    types = get_type_hints(last.annotation, include_extras=True)
+    names = [field.name for field in fields(last.annotation)]
     options = [inspect.Parameter(n, last.KEYWORD_ONLY, default=None, annotation=types[n]) for n in names]
 
     @wraps(command)
     def called(**given: Any) -> None:
-        command(**{p.name: given[p.name] for p in own}, changes=Changes(**{name: given[name] for name in names}))
+        together = last.annotation(**{name: given[name] for name in names})
+        command(**{p.name: given[p.name] for p in own}, **{last.name: together})
 
     called.__signature__ = inspect.Signature([*own, *options])  # type: ignore[attr-defined]
     called.__annotations__ = {p.name: p.annotation for p in (*own, *options)}
@@ -185,20 +189,27 @@ def with_changes(command: Callable[..., None]) -> Callable[..., None]:
 
 
 @app.callback()
+@with_options
 def common(
+    context: typer.Context,
     version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show it.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but errors.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Trace an error to where it arose.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="run, demo, check, export: say it as JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Say the answer as JSON.")] = False,
+    precautions: Precautions = _NO_PRECAUTIONS,
 ) -> None:
     """What holds for every command."""
+    precautions.take(context)
+    if as_json and context.invoked_subcommand in WITHOUT_JSON:
+        allowed = among(sorted(set(_commands()) - WITHOUT_JSON))
+        raise UserError(f"--json is given with {context.invoked_subcommand}; allowed it is with {allowed}")
     output.verbose, output.as_json = verbose, as_json
     for one in (console, diagnosis.console, own_bench.console):
         one.quiet = quiet or as_json
 
 
 @app.command(help=RUN_HELP)
-@with_changes
+@with_options
 def run(scenario: Scenario, out: Out = None, show_list: List = False, changes: Changes = _NONE) -> None:
     """See RUN_HELP."""
     say_json(_content(run_and_show(scenario, out, changes)))
@@ -351,7 +362,7 @@ def _grid(table: Table) -> Grid:
 def _progress(name: str) -> Iterator[Any]:
     """A bar on stderr with the time left; a callback of (done, of) in s of bench time."""
     columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:.0f} of {task.total:.0f} s")
-    stderr = Console(stderr=True)
+    stderr = Screen(stderr=True)
     times = TimeElapsedColumn(), TimeRemainingColumn()
     with Progress(*columns, *times, console=stderr, transient=True, disable=not stderr.is_terminal) as bar:
         task = bar.add_task(name, total=1.0)
@@ -361,19 +372,21 @@ def _progress(name: str) -> Iterator[Any]:
 diagnosis.register(app)
 for command in (own_bench.inspect, own_bench.new):
     app.command()(command)
-ANYWHERE = ("-q", "--quiet", "-v", "--verbose", "--json")
 
 
 def main() -> None:
     """Entry point."""
-    given = sys.argv[1:]
-    sys.exit(_status([*(a for a in given if a in ANYWHERE), *(a for a in given if a not in ANYWHERE)]))
+    sys.exit(_status(common_first(sys.argv[1:])))
 
 
 def _status(arguments: list[str]) -> int:
     try:
         with interruptible():
-            return int(app(arguments, prog_name="cobot-joint", standalone_mode=False) or 0)
+            answer = app(arguments, prog_name="cobot-joint", standalone_mode=False)
+            if isinstance(answer, dict):
+                say_json(answer)
+                return 0
+            return int(answer or 0)
     except Interrupted as how:
         return _say(", ".join(["interrupted", *how.args]), 130)
     except UserError as error:
@@ -390,17 +403,21 @@ def _status(arguments: list[str]) -> int:
         return _say(error, 1)
 
 
+def _commands() -> list[str]:
+    return [c.name or c.callback.__name__ for c in app.registered_commands if c.callback]
+
+
 def _usage(error: typer.TyperException) -> str:
     message = " ".join(error.format_message().split())
     if message.startswith("No such command"):
-        message += f" Allowed are {among(sorted(c.name or c.callback.__name__ for c in app.registered_commands))}."  # type: ignore[union-attr]
+        message += f" Allowed are {among(sorted(_commands()))}."
     return message
 
 
 def _say(what: object, status: int) -> int:
     if output.verbose:
         traceback.print_exc()
-    print(f"cobot-joint: {' '.join(str(what).split())}", file=sys.stderr)
+    print(f"cobot-joint: {printable(' '.join(str(what).split()))}", file=sys.stderr)
     return status
 
 

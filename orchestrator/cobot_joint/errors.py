@@ -11,3 +11,8 @@ def among(names: object, most: int = 12) -> str:
     if len(listed) <= most:
         return ", ".join(listed) or "none"
     return f"{', '.join(listed[:most])} and {len(listed) - most} more"
+
+
+def printable(text: str) -> str:
+    """Control characters but for line breaks and tabs as their escapes: names from files may hold any."""
+    return "".join(c if c.isprintable() or c in "\n\t" else ascii(c)[1:-1] for c in text)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
+pending = -1  # a file that can be read once one of them has come: native code that waits looks there; -1: none
 
 
 class Interrupted(BaseException):
@@ -19,10 +21,30 @@ def interruptible() -> Iterator[None]:
     """Inside, the first SIGINT or SIGTERM raises Interrupted; a second one ends the process. Main thread only."""
     before = {number: signal.signal(number, _stop) for number in SIGNALS}
     try:
-        yield
+        with _told_natively():
+            yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@contextmanager
+def _told_natively() -> Iterator[None]:
+    """Inside, `pending` is such a file, on POSIX: handlers in Python wait until native calls return."""
+    global pending
+    if os.name != "posix":
+        yield
+        return
+    pending, told = os.pipe()
+    os.set_blocking(told, False)
+    before = signal.set_wakeup_fd(told, warn_on_full_buffer=False)
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+        for file in (pending, told):
+            os.close(file)
+        pending = -1
 
 
 @contextmanager

@@ -6,11 +6,14 @@ import atexit
 import hashlib
 import lzma
 import os
+import re
 import shutil
 import tempfile
+import time
 import zipfile
 import zlib
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
@@ -24,6 +27,10 @@ from cobot_joint.errors import UserError, among
 
 ENCRYPTED = 0x1  # general purpose bit flag of a zip entry, PKWARE APPNOTE 4.4.4
 MOST_ENTRIES, MOST_BYTES = 10_000, 1_000_000_000  # of an archive, unpacked
+CACHE_BYTES = 2_000_000_000  # of all archives together
+IN_USE = 3600.0  # s since an archive was last asked for, in which a process may still read it
+PARTIAL = "partial-"
+IDENTIFIER = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 TOOL = "cobot-joint"  # the name under which units annotate their modelDescription
 
 
@@ -172,6 +179,9 @@ def _load(path: Path, directory: Path) -> Unit:
         raise UserError(f"{path}: modelDescription.xml: {' '.join(str(error).split())}") from error
     if description.fmiVersion != "2.0" or description.coSimulation is None:
         raise UserError(f"{path}: FMI {description.fmiVersion} is given, FMI 2.0 co-simulation is needed")
+    identifier = description.coSimulation.modelIdentifier
+    if not IDENTIFIER.fullmatch(identifier):  # it names a file
+        raise UserError(f"{path}: modelIdentifier {identifier!r} is given, a name as in C is allowed")
     for unknown in description.outputs:  # here only: what an output feeds through, not the states that it shows
         if unknown.dependencies is not None:
             unknown.dependencies = [v for v in unknown.dependencies if v.causality == "input"]
@@ -252,8 +262,10 @@ def _unpack(path: Path, digest: str) -> Path:
     """In the user's cache, under the file's hash: unpacked by the first process that needs it, whole or not at all."""
     target = _cache() / digest
     if target.is_dir():
+        with suppress(OSError):  # of somebody else: it is read all the same
+            os.utime(target)  # when it was last used
         return target
-    partial = Path(tempfile.mkdtemp(dir=target.parent))
+    partial = Path(tempfile.mkdtemp(prefix=PARTIAL, dir=target.parent))
     try:
         with zipfile.ZipFile(path) as archive:
             _check_archive(path, archive)
@@ -268,7 +280,23 @@ def _unpack(path: Path, digest: str) -> Path:
             raise
     finally:
         shutil.rmtree(partial, ignore_errors=True)
+    _make_room(target.parent)
     return target
+
+
+def _make_room(cache: Path) -> None:
+    """Least recently used archives leave a cache that has grown too large; what may still be in use stays."""
+    now = time.time()
+    ages = {place: now - place.stat().st_mtime for place in cache.iterdir() if place.is_dir()}
+    for place in [place for place, age in ages.items() if place.name.startswith(PARTIAL) and age > IN_USE]:
+        shutil.rmtree(place, ignore_errors=True)  # of a process that was killed
+        del ages[place]
+    sizes = {place: sum(file.lstat().st_size for file in place.rglob("*")) for place in ages}
+    for place in sorted(ages, key=ages.__getitem__, reverse=True):
+        if sum(sizes.values()) <= CACHE_BYTES or ages[place] <= IN_USE:
+            return
+        shutil.rmtree(place, ignore_errors=True)
+        del sizes[place]
 
 
 def _check_archive(path: Path, archive: zipfile.ZipFile) -> None:
@@ -284,8 +312,9 @@ def _check_archive(path: Path, archive: zipfile.ZipFile) -> None:
 
 @cache
 def _cache() -> Path:
-    """XDG's cache, or a folder of this process's own where that cannot be written."""
-    place = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / TOOL / "fmus"
+    """COBOT_JOINT_CACHE, or XDG's cache; a folder of this process's own where that cannot be written."""
+    users = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / TOOL / "fmus"
+    place = Path(os.environ.get("COBOT_JOINT_CACHE") or users)
     try:
         place.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=place):

@@ -131,7 +131,8 @@ def test_unit_that_fails_while_it_runs_is_one_line_and_status_1(tmp_path: Path) 
     assert done.returncode == 1
     assert done.stderr.startswith("cobot-joint: ")
     assert done.stderr.count("\n") == 1
-    assert not list((tmp_path / "results" / "load_mr_brake").iterdir())
+    assert [p.name for p in (tmp_path / "results" / "load_mr_brake").iterdir()] == ["signals.parquet"]
+    assert "signals.parquet has the " in done.stderr
 
 
 def test_export_holds_the_four_fmus_and_the_system(tmp_path: Path) -> None:
@@ -270,3 +271,13 @@ def test_demo_says_where_the_pictures_are(tmp_path: Path) -> None:
     said = done.stdout.split("The pictures are")[1].split()
     assert [Path(p).name for p in said] == ["frequency_response.png", "signals.png"]
     assert all((tmp_path / p).stat().st_size > 10_000 for p in said)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="file names there hold no control characters")
+def test_control_characters_of_files_are_shown_and_not_carried_out(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text('title = "\\u001b[31mred"\nsystem = "joint"\nstop_time = 0.01\n')
+    (tmp_path / "a\x1b[31m.csv").write_text("time [s],v [V]\n" + "\n".join(f"{k / 1000},{k}" for k in range(99)))
+    for words in (["run", "s.toml"], ["inspect", "a\x1b[31m.csv"], ["inspect", "none\x1b[31m.csv"]):
+        done = cobot_joint(*words, folder=tmp_path)
+        assert "\x1b" not in done.stdout + done.stderr
+        assert r"\x1b[31m" in done.stdout + done.stderr

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import subprocess
+import sys
+import time
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -82,6 +86,40 @@ def test_an_archive_of_too_many_files_is_refused(tmp_path: Path) -> None:
             archive.writestr(str(k), "")
     with pytest.raises(UserError, match="20000 files are in the archive, 10000 are allowed"):
         unpack(tmp_path / "many.fmu")
+
+
+def archive(folder: Path, name: str, size: int) -> Path:
+    with zipfile.ZipFile(folder / name, "w") as file:
+        file.writestr(name, bytes(size))
+    return folder / name
+
+
+def test_the_cache_keeps_its_size_and_what_may_be_in_use(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COBOT_JOINT_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(units, "CACHE_BYTES", 2500)
+    units._cache.cache_clear()
+    try:
+        old, older, used = (unpack(archive(tmp_path, f"{name}.fmu", 1000)) for name in ("old", "older", "used"))
+        killed = tmp_path / "cache" / f"{units.PARTIAL}x"
+        killed.mkdir()
+        for place, hours in ((old, 2), (older, 3), (killed, 2)):
+            os.utime(place, (time.time() - 3600 * hours,) * 2)
+        new = unpack(archive(tmp_path, "new.fmu", 500))
+        assert [p.is_dir() for p in (old, older, used, new, killed)] == [True, False, True, True, False]
+        unpack(tmp_path / "old.fmu")  # used again
+        unpack(archive(tmp_path, "newer.fmu", 500))
+        assert old.is_dir()
+    finally:
+        units._cache.cache_clear()
+
+
+def test_without_a_cache_nothing_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache"), "TMPDIR": str(tmp_path / "tmp")}
+    (tmp_path / "tmp").mkdir()
+    command = [sys.executable, "-m", "cobot_joint.cli", "run", "no_load", "--set", "stop_time=0.1", "--no-cache"]
+    subprocess.run(command, cwd=tmp_path, env=environment, check=True, capture_output=True)
+    assert not (tmp_path / "cache" / "cobot-joint").exists()
+    assert [p for p in (tmp_path / "tmp").iterdir() if p.name.startswith("cobot-joint")] == []
 
 
 def test_unit_unpacks_where_the_cache_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,6 +12,8 @@ from cobot_joint.cosim.schemes import Scheme
 from cobot_joint.errors import UserError
 from cobot_joint.system.model import Inputs
 
+MOST_POINTS = 1e10  # of a run: months of computing
+
 
 @dataclass(frozen=True)
 class Clock:
@@ -38,6 +40,13 @@ def make_clock(scheme: Scheme, start: float, stop: float, step: float | None, ou
         raise UserError(f"start {start:g} s, stop {stop:g} s, output step {output_step:g} s: time has to go forward")
     if step is not None and not 0 < step < math.inf:
         raise UserError(f"step {step:g} s is given, it has to be positive")
+    if step is not None and start < stop < start + step and step > output_step:
+        raise UserError(f"step {step:g} s is given, the run lasts {stop - start:g} s")
+    if (points := (stop - start) / min(output_step, step or output_step)) > MOST_POINTS:
+        raise UserError(
+            f"start {start:g} s, stop {stop:g} s in steps of {min(output_step, step or output_step):g} s are given: "
+            f"{points:.2g} points, {MOST_POINTS:g} are allowed"
+        )
     longest = step or min(scheme.step, output_step)  # rows inside of steps, interpolated, only where asked for
     rows = math.floor((stop - start) / output_step + 1e-6) + 1
     if scheme.adaptive:  # ticks that divide output_step by powers of two, strides of such powers

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import re
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -17,7 +18,7 @@ from fmpy.fmi2 import (
     fmi2CallbackLoggerTYPE,
 )
 
-from cobot_joint.cosim import library
+from cobot_joint.cosim import isolation, library
 from cobot_joint.errors import UserError
 from cobot_joint.system.model import Component, System, Value
 from cobot_joint.system.parameters import checked, split
@@ -29,6 +30,18 @@ class SimulationError(RuntimeError):
     """A run failed: which unit, which call, at what time, and what the unit logged last."""
 
 
+class UnitEndedError(SimulationError):
+    """The process of an isolated unit ended: a crash, an exit, or a call that took too long.
+
+    `component`: whose unit; `how`: the call and what became of it, without the time and what was set last.
+    """
+
+    def __init__(self, component: str, words: str) -> None:
+        super().__init__(f"{component}: {words}")
+        self.component = component
+        self.how = re.sub(r" at t = \S+ s", "", words.split("; ")[0])
+
+
 class _Log(ctypes.Structure):
     _fields_ = [("last", ctypes.c_char * 1024)]
 
@@ -37,30 +50,46 @@ _LOADING = threading.Lock()  # FMPy changes the working directory while it loads
 
 
 class Instance:
-    """One component's FMU, loaded and instantiated."""
+    """One component's FMU, loaded and instantiated; in a process of its own where `isolation` says so."""
 
     def __init__(self, component: Component) -> None:
-        """SimulationError: the FMU cannot be loaded here or does not instantiate."""
+        """UserError: the FMU cannot be loaded here or does not instantiate. SimulationError: it crashes there."""
         self.component = component
         self.name = component.name
         self.description = component.unit.description
         self.variables = component.unit.variables
         self._log = _Log()
-        capabilities = self.description.coSimulation
+        self._isolation = isolation.Isolation(component.unit) if isolation.is_isolated(component.unit) else None
+        self._callbacks = self._make_callbacks()
         try:
             with _LOADING:
                 self.fmu = FMU2Slave(
                     guid=self.description.guid,
-                    modelIdentifier=capabilities.modelIdentifier,
+                    modelIdentifier=self.description.coSimulation.modelIdentifier,
                     unzipDirectory=str(component.unit.directory),
                     instanceName=component.name,
+                    libraryPath=str(library.path()) if self._isolation else None,
                     requireFunctions=False,
                 )
-            self._callbacks = self._make_callbacks()
-            self.fmu.instantiate(callbacks=self._callbacks)
         except Exception as error:  # FMPy raises bare Exceptions when a library does not load
-            raise SimulationError(f"{self.name} ({component.source}): {error}{self.last_words()}") from error
+            raise UserError(f"{self.name} ({component.source}): {error}") from error
+        self._instantiate()
         self._fresh = True
+
+    def _instantiate(self) -> None:
+        if self._isolation:
+            self._isolation.prepare()
+        try:
+            self.fmu.instantiate(callbacks=self._callbacks)
+        except Exception as error:  # as above
+            outcome = self._isolation.outcome if self._isolation else "refused"
+            where = f"{self.name} ({self.component.source})"
+            if outcome == "ended":
+                raise SimulationError(f"{where}{self.last_words()}") from error
+            if outcome == "no process":
+                raise SimulationError(f"{where}: no process could be started for it") from error
+            what = "its library cannot be opened" if outcome == "not opened" else "it does not instantiate"
+            raise UserError(f"{where}: {what}{self.last_words()}") from error
 
     def _make_callbacks(self) -> fmi2CallbackFunctions:
         """No Python in them: units call them in the middle of native stepping."""
@@ -92,6 +121,16 @@ class Instance:
         said = " ".join(self._log.last.decode("utf-8", "replace").split())
         return f": {said}" if said else ""
 
+    @property
+    def ended(self) -> str | None:
+        """How the process of an isolated unit ended; None: it runs, or it is not isolated."""
+        return isolation.ended(self.fmu.component) if self._isolation and self.fmu.component else None
+
+    def failure(self, said: str) -> SimulationError:
+        """What happened to the process, or what is `said` of the call and what the unit logged last."""
+        ended = self.ended
+        return UnitEndedError(self.name, ended) if ended else SimulationError(f"{self.name}: {said}{self.last_words()}")
+
     @contextmanager
     def explained(self, what: str) -> Iterator[None]:
         """Failing FMI calls inside name the unit and say what was being done."""
@@ -99,9 +138,7 @@ class Instance:
             yield
         except FMICallException as error:
             status = ("ok", "warning", "discard", "error", "fatal", "pending")[error.status]
-            raise SimulationError(
-                f"{self.name}: {error.function} returned {status} {what}{self.last_words()}"
-            ) from error
+            raise self.failure(f"{error.function} returned {status} {what}") from error
 
     def asks_to_stop(self) -> bool:
         """After a discarded step: whether that is because the unit wants the simulation to end (FMI 2.0.4, 4.2.3)."""
@@ -125,13 +162,19 @@ class Instance:
             self.fmu.reset()
         except FMICallException:
             self.fmu.fmi2FreeInstance(self.fmu.component)
-            self.fmu.instantiate(callbacks=self._callbacks)
+            self.fmu.component = None
+            self._log.last = b""
+            self._instantiate()
 
     def close(self) -> None:
-        if self.fmu.component is not None:
-            self.fmu.fmi2FreeInstance(self.fmu.component)
-            self.fmu.component = None
-            self.fmu.freeLibrary()
+        """Free it. SimulationError: its process ended meanwhile."""
+        if self.fmu.component is None:
+            return
+        self.fmu.fmi2FreeInstance(self.fmu.component)
+        self.fmu.component = None
+        self.fmu.freeLibrary()
+        if self._isolation and (words := isolation.ended(None)):
+            raise UnitEndedError(self.name, words)
 
     def set(self, name: str, value: Value) -> None:
         """Any variable by name; the FMU judges whether the moment allows it."""

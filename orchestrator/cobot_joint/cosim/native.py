@@ -211,6 +211,10 @@ class Master:
         """The present point; `row`: float64[recorded signals], filled."""
         self._check(self._library.cosim_record(self._master, row.ctypes.data))
 
+    def rows(self) -> int:
+        """Recorded since tick 0: what is there when a unit fails."""
+        return int(self._library.cosim_rows(self._master))
+
     def counters(self) -> dict[str, int]:
         """Steps taken, steps rejected, sweeps over the units, warnings that units returned."""
         counters = _Counters()
@@ -240,7 +244,9 @@ class Master:
             return
         message = self._library.cosim_message(self._master).decode("utf-8", "replace")
         failed = next((u.instance for u in self._tables.plan.units if message.startswith(f"{u.instance.name}:")), None)
-        raise SimulationError(message + (failed.last_words() if failed else ""))
+        if failed:
+            raise failed.failure(message.removeprefix(f"{failed.name}: "))
+        raise SimulationError(message)
 
 
 def _wires(wires: tuple[Wire, ...]) -> ctypes.Array[_Wire]:
@@ -258,6 +264,8 @@ def _typed_library() -> ctypes.CDLL:
     loaded.cosim_resume.argtypes = [c_void_p]
     loaded.cosim_advance.argtypes = [c_void_p, c_int64, c_void_p]
     loaded.cosim_record.argtypes = [c_void_p, c_void_p]
+    loaded.cosim_rows.argtypes = [c_void_p]
+    loaded.cosim_rows.restype = c_int64
     loaded.cosim_message.argtypes = [c_void_p]
     loaded.cosim_message.restype = c_char_p
     loaded.cosim_tick.argtypes = [c_void_p]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.cosim import library
-from cobot_joint.cosim.instances import Instance, SimulationError
+from cobot_joint.cosim.instances import Instance
 from cobot_joint.cosim.native import Variables
 from cobot_joint.system.model import Value
 
@@ -100,7 +100,7 @@ class UnitFunction:
             jacobian.ctypes.data if directions else None,
         )  # fmt: skip
         if status:
-            raise SimulationError(f"{self.instance.name}: {f.message.decode()}{self.instance.last_words()}")
+            raise self.instance.failure(f.message.decode())
         return unknown, jacobian
 
     def _function(self, values: Mapping[str, Value], directions: Sequence[str]) -> _PointFunction:

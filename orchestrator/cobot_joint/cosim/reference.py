@@ -57,7 +57,7 @@ class Master:
 
     def begin(self) -> None:
         """Tick 0, from the units' present state."""
-        self.tick, self.stride, self.known, self.calm = 0, 1, 1, 0
+        self.tick, self.stride, self.known, self.calm, self._rows = 0, 1, 1, 0, 0
         self.sample = self._sample_before(0, self._time(0))
         for unit in self.plan.units:
             self._get_outputs(unit)
@@ -99,6 +99,11 @@ class Master:
             n = wire.signal - self.plan.n_outputs
             y = self.y[wire.signal] if n < 0 else self._sample_at(self.samples[n], k, t)
             row[j] = wire.factor * y + wire.offset
+        self._rows += 1
+
+    def rows(self) -> int:
+        """Recorded since tick 0: what is there when a unit fails."""
+        return self._rows
 
     def counters(self) -> dict[str, int]:
         """Steps taken, steps rejected, sweeps over the units; FMPy does not tell of warnings."""
@@ -270,6 +275,7 @@ class Master:
             row = next(rows)
             for j, wire in enumerate(self.plan.recorded):
                 row[j] = wire.factor * value(self.p[wire.signal], s) + wire.offset
+            self._rows += 1
 
     # One unit
 

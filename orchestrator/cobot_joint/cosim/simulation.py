@@ -31,6 +31,7 @@ Engine = Literal["native", "reference"]
 Progress = Callable[[float, float], None]  # (simulated time, stop time), s
 Rows = NDArray[np.float64]
 ROWS_PER_CHUNK = 10_000
+log = logging.getLogger("cobot_joint")
 
 
 class Master(Protocol):
@@ -40,6 +41,7 @@ class Master(Protocol):
     def resume(self) -> None: ...
     def advance(self, tick: int, rows: Rows) -> None: ...
     def record(self, row: Rows) -> None: ...
+    def rows(self) -> int: ...
     @property
     def tick(self) -> int: ...
     def counters(self) -> dict[str, int]: ...
@@ -86,9 +88,12 @@ class Simulation:
         return self
 
     def __exit__(
-        self, _type: type[BaseException] | None, _value: BaseException | None, _trace: TracebackType | None
+        self, _type: type[BaseException] | None, value: BaseException | None, _trace: TracebackType | None
     ) -> None:
-        self.close()
+        """SimulationError: a unit crashes while it is freed, and nothing else went wrong."""
+        failures = self._freed()
+        if failures and value is None:
+            raise failures[0]
 
     @property
     def instances(self) -> Mapping[str, Instance]:
@@ -96,10 +101,19 @@ class Simulation:
         return self._instances
 
     def close(self) -> None:
-        """Free the instances."""
+        """Free the instances. A unit that crashes meanwhile has done what was asked of it: a warning is logged."""
+        for failure in self._freed():
+            log.warning("%s", failure)
+
+    def _freed(self) -> list[SimulationError]:
+        failures = []
         for instance in self._instances.values():
-            instance.close()
+            try:
+                instance.close()
+            except SimulationError as error:
+                failures.append(error)
         self._instances.clear()
+        return failures
 
     def run(self, experiment: Experiment, progress: Progress | None = None) -> Result:
         """One run, all of it in memory. `progress`: called with (time, stop time) now and then.
@@ -120,12 +134,18 @@ class Simulation:
     ) -> Iterator[Result]:
         """As `run`, in pieces of `rows_per_chunk` that follow one another: memory does not grow with the run.
 
-        Each piece's `energy` is that from the start to the piece's end.
+        Each piece's `energy` is that from the start to the piece's end. Where a unit fails, the rows until then come as
+        a last piece, without energy, before SimulationError.
         """
         with self._prepared(self._coupled(experiment)) as run:
             for first in range(0, run.clock.rows, rows_per_chunk):
                 rows = np.empty((min(rows_per_chunk, run.clock.rows - first), len(run.names)))
-                filled = self._fill(run, first, rows, progress)
+                try:
+                    filled = self._fill(run, first, rows, progress)
+                except SimulationError:
+                    if (done := run.master.rows() - first) > 0:
+                        yield self._result(run, first, rows[:done], failed=True)
+                    raise
                 if filled:
                     yield self._result(run, first, rows[:filled])
                 if filled < len(rows):
@@ -243,12 +263,13 @@ class Simulation:
                         instance.set(name, value)
         return due
 
-    def _result(self, run: _Run, first: int, rows: Rows) -> Result:
+    def _result(self, run: _Run, first: int, rows: Rows, failed: bool = False) -> Result:
         signals = {name: np.ascontiguousarray(rows[:, j]) for j, name in enumerate(run.names)}
         times = run.clock.times(first, first + len(rows))
         self._measured = run.master.works()
         step = run.clock.step * run.clock.stride
-        return Result(times, signals, self.energy(), run.scheme.name, step, dict(run.units))
+        energy = {} if failed else self.energy()  # a unit that failed cannot be asked
+        return Result(times, signals, energy, run.scheme.name, step, dict(run.units))
 
 
 def simulate(

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 from rich.progress import (
     BarColumn,
@@ -26,10 +25,11 @@ from rich.table import Table
 from cobot_joint.errors import UserError
 from cobot_joint.files import results_folder, writable
 from cobot_joint.interrupts import resumable
+from cobot_joint.screen import Screen
 
-console = Console()
+console = Screen()
 if not console.is_terminal:
-    console = Console(width=160)
+    console = Screen(width=160)
 VARIANTS = ("nominal", "calibrated", "repaired")
 
 CampaignFile = Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="A campaign, or the folder that holds it.")]
@@ -54,7 +54,7 @@ def diagnose(
         Path | None, typer.Option(help="Folder for the results.", show_default="diagnosis beside the campaign")
     ] = None,
     baseline: Baseline = None,
-) -> None:
+) -> dict[str, Any]:
     """Locate where recordings and system differ, name what is missing, and repair the system.
 
     Called again after an interruption, it goes on from what it finished.
@@ -63,12 +63,12 @@ def diagnose(
     from cobot_joint.diagnosis.data.campaign import load_campaign
     from cobot_joint.diagnosis.frequency import is_response
     from cobot_joint.diagnosis.run import diagnose_campaign
+    from cobot_joint.results.files import read_json
 
     if is_response(campaign):
         if baseline is not None:
             raise UserError(f"--baseline {baseline!r} is given, none is there for a frequency response")
-        _diagnose_response(campaign, out)
-        return
+        return _diagnose_response(campaign, out)
     loaded = load_campaign(campaign)
     folder = results_folder(out or loaded.path.parent / "diagnosis")
     with resumable(), _stages() as progress:
@@ -83,6 +83,8 @@ def diagnose(
             console.print(f"[dim]{escape(recording.name)}: {escape(note)}[/dim]", soft_wrap=True)
     console.print(f"\n[bold]{escape(result.sentence)}[/bold]", soft_wrap=True)
     content = result.diagnosis
+    for crash in content.get("crashes", ()):
+        console.print(f"[yellow]{escape(crash)}[/yellow]", soft_wrap=True)
     if content["findings"]:
         console.print(_findings(content["findings"]))
     roles = [r for r in ("train", "holdout") if any(r in c for c in content["channels"].values())]
@@ -94,11 +96,13 @@ def diagnose(
         console.print(f"next: {escape(content['next_experiment'])}", soft_wrap=True)
     for path in result.files:
         console.print(path, soft_wrap=True)
+    return read_json(folder / "diagnosis.json")
 
 
-def _diagnose_response(campaign: Path, out: Path | None) -> None:
+def _diagnose_response(campaign: Path, out: Path | None) -> dict[str, Any]:
     """`diagnose` of amplitudes over frequency: every reading of the experiment beside the others."""
     from cobot_joint.diagnosis.frequency_run import diagnose_response_campaign
+    from cobot_joint.results.files import read_json
 
     path = campaign / "campaign.toml" if campaign.is_dir() else campaign
     folder = results_folder(out or path.parent / "diagnosis")
@@ -115,12 +119,13 @@ def _diagnose_response(campaign: Path, out: Path | None) -> None:
     console.print(grid)
     for path in result.files:
         console.print(path, soft_wrap=True)
+    return read_json(folder / "diagnosis.json")
 
 
 def verify(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="What diagnose wrote.")],
     campaign: CampaignFile,
-) -> None:
+) -> dict[str, Any]:
     """Hold the repaired system against the campaign's held-out recordings."""
     from cobot_joint.diagnosis.data.campaign import load_campaign
     from cobot_joint.diagnosis.repair.verify import read_diagnosis
@@ -133,8 +138,11 @@ def verify(
     units = {name: unit for recording in loaded.recordings for name, unit in recording.units.items()}
     console.print(f"repaired system: {escape(content['system'])}", soft_wrap=True)
     console.print(_figures("rms of recording - simulation, held-out runs", content["channels"], units))
+    if why := content.get("not_predicted"):
+        console.print(f"[yellow]no prediction from short distances: {escape(why)}[/yellow]", soft_wrap=True)
     for name in ("verify.json", "verify.parquet"):
         console.print(folder / name, soft_wrap=True)
+    return content
 
 
 def prove(
@@ -155,7 +163,7 @@ def prove(
     if out is not None:
         results_folder(out)
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
-    stderr = Console(stderr=True)
+    stderr = Screen(stderr=True)
     bar = Progress(*columns, TimeRemainingColumn(), console=stderr, transient=True, disable=not stderr.is_terminal)
     with resumable(), bar:
         task = bar.add_task("cases", total=len(cases_of(folder)))
@@ -251,7 +259,7 @@ def _figures(title: str, channels: dict[str, dict[str, Any]], units: dict[str, s
 @contextmanager
 def _stages() -> Iterator[Callable[[str], None]]:
     """What is being done, on stderr; a callback of words. Without a terminal: a line per stage, with the time."""
-    stderr, begun = Console(stderr=True), time.monotonic()
+    stderr, begun = Screen(stderr=True), time.monotonic()
     if not stderr.is_terminal:
         yield _Lines(begun)
         return

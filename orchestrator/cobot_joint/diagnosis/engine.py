@@ -56,7 +56,9 @@ def diagnose(campaign: Campaign, *, progress: Progress | None = None, store: Sto
     """
     systems = campaign.systems()
     with FmuPlant(systems) as plant:
-        return diagnose_plant(campaign, plant, progress=progress, store=store)
+        found = diagnose_plant(campaign, plant, progress=progress, store=store)
+        found.crashes = [str(crash) for crash in plant.crashes.values()]
+        return found
 
 
 def diagnose_plant(
@@ -90,6 +92,7 @@ def calibrate(campaign: Campaign, plant: Plant, say: Progress, store: Store) -> 
     base = Hypothesis(tolerances(problem, bounds))
     calibrated = store.remember("calibrated", told(campaign), lambda: fit(problem, base, precision=CALIBRATION))
     if calibrated is None:
+        problem.outputs(base.run(base.start()))  # raises: which unit, which call, and why
         raise RuntimeError("the system cannot be simulated with its nominal parameters on these recordings")
     return problem, calibrated
 

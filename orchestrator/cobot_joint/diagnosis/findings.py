@@ -178,6 +178,7 @@ class Diagnosis:
     repair: Literal["offered", "withheld"] = "offered"
     background: list[dict[str, Any]] = field(default_factory=list)  # what is worth no name, by port and variable
     seconds: float = 0.0
+    crashes: list[str] = field(default_factory=list)  # of units; what was tried then was passed over
 
     def parameters(self, variant: Literal["nominal", "calibrated", "repaired"]) -> dict[str, float]:
         """Values to simulate that variant with."""
@@ -208,4 +209,5 @@ class Diagnosis:
                 "discrepancy": self.background,
                 "seconds": self.seconds,
             }
+            | ({"crashes": self.crashes} if self.crashes else {})
         )

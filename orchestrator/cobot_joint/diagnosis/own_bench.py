@@ -7,21 +7,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from cobot_joint.errors import UserError, among
 from cobot_joint.files import results_folder
+from cobot_joint.screen import Screen
 
 if TYPE_CHECKING:
     from cobot_joint.diagnosis.checks.inspection import Inspection
     from cobot_joint.diagnosis.data.recording import Connector
     from cobot_joint.system.model import System
 
-console = Console()
+console = Screen()
 if not console.is_terminal:
-    console = Console(width=160)
+    console = Screen(width=160)
 POINTS = 4000  # of a channel in a picture
 
 

@@ -242,6 +242,8 @@ def _read(path: Path) -> dict[str, Any]:
         given = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise UserError(f"{path}: not a TOML file: {error}") from error
+    except RecursionError:
+        raise UserError(f"{path}: not a TOML file: brackets within brackets, deeper than can be read") from None
     given.setdefault("kind", "time")
     for key in ("system", "columns_of"):
         if isinstance(named := given.get(key), str) and (path.parent / named).is_file():

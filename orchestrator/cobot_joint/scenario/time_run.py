@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.cosim import Simulation
+from cobot_joint.cosim import Simulation, SimulationError
 from cobot_joint.cosim.energy import warn_of_residuals
 from cobot_joint.errors import UserError
 from cobot_joint.results.figures import Picture, over_time
@@ -57,7 +57,10 @@ class Digest:
 
 
 def run_over_time(scenario: TimeScenario, out: Path, options: Options, progress: Progress | None) -> Report:
-    """`out`/signals.parquet and its pictures. Memory does not grow with the stop time."""
+    """`out`/signals.parquet and its pictures. Memory does not grow with the stop time.
+
+    SimulationError: a unit fails; signals.parquet has the rows until then.
+    """
     if options.level == TRANSFER_FUNCTION:
         raise UserError(
             f"--level {TRANSFER_FUNCTION} is given with {scenario.name}; it relates speed to current without load "
@@ -70,11 +73,20 @@ def run_over_time(scenario: TimeScenario, out: Path, options: Options, progress:
     digest = Digest(1 + int((scenario.stop_time - scenario.start_time) / scenario.output_step) // MOST_POINTS)
     facts = provenance(system, scenario=scenario.name, level=options.level or "as the units have it")
     path = out / "signals.parquet"
+    failure: SimulationError | None = None
     with Simulation(system) as simulation, SignalsWriter(path, columns, facts) as writer:
-        for last in simulation.stream(experiment, progress, ROWS_PER_CHUNK):
-            writer.write({"time": last.time, **last.signals})
-            digest.take(last.time, last.signals)
+        try:
+            for last in simulation.stream(experiment, progress, ROWS_PER_CHUNK):
+                writer.write({"time": last.time, **last.signals})
+                digest.take(last.time, last.signals)
+        except SimulationError as error:
+            if digest.n == 0:
+                raise
+            failure = error
+            writer.provenance["failure"] = str(error)
         writer.provenance |= {"scheme": last.scheme, "step": last.step, "energy": last.energy}
+    if failure:
+        raise SimulationError(f"{failure}; {path} has the {digest.n} rows until then")
     warn_of_residuals(last.energy)
     report = Report(scenario.title or scenario.name)
     report.files[path] = "signals, units and provenance"

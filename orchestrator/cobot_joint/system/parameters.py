@@ -69,6 +69,8 @@ def _number(value: Value | str, kind: str, where: str) -> Value:
         return spelled[text]
     if kind not in ("Real", "Integer", "Enumeration"):
         raise UserError(f"{where}: {value!r} is given for a {kind}, which cannot be set; Real, Integer, Boolean can")
+    if isinstance(value, bool):
+        raise UserError(f"{where}: {str(value).lower()} is given, a number is allowed")
     try:
         number = float(value)
     except ValueError:

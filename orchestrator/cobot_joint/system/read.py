@@ -152,7 +152,10 @@ class _Reader:
     def _relative(self, source: str, where: str) -> str:
         """A source's path; of an .ssp nothing outside of it."""
         parts = urlsplit(source)
-        inside = (self.base / unquote(parts.path)).resolve().is_relative_to(self.base.resolve())
+        path = unquote(parts.path)
+        if not path.isprintable():
+            raise UserError(f"{where}: source {source!r} is given, a name without control characters is allowed")
+        inside = (self.base / path).resolve().is_relative_to(self.base.resolve())
         if parts.scheme or parts.netloc or parts.fragment or (self.path.suffix == ".ssp" and not inside):
             raise UserError(f"{where}: source {source!r} is given, a path relative to the description is allowed")
         return unquote(parts.path)

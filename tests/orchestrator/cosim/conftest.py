@@ -41,6 +41,18 @@ VARIABLES = {
         ("spring.c", 5, "Real", "parameter", "1"),
         ("spring.d", 6, "Real", "parameter", "0.1"),
     ],
+    "axis": [
+        ("phi", 0, "Real", "output", None),
+        ("w", 1, "Real", "output", None),
+        ("u", 2, "Real", "input", "0"),
+        ("J", 3, "Real", "parameter", "1e-2"),
+        ("friction.d", 4, "Real", "parameter", "2e-2"),
+        ("friction.tau_C", 5, "Real", "parameter", "0.02"),
+        ("windage.c", 6, "Real", "parameter", "0"),
+        ("asymmetry.tau_A", 7, "Real", "parameter", "0"),
+        ("d_most", 8, "Real", "parameter", "1"),
+    ],
+    "crash": [("u", 0, "Real", "input", "0"), ("y", 1, "Real", "output", None)],
     "gain": [
         ("u", 0, "Real", "input", "0"),
         ("y", 1, "Real", "output", None),
@@ -55,11 +67,14 @@ VARIABLES = {
     ],
 }
 FOLLOWS = {
+    "crash": {"y": "1"},
     "gain": {"y": "1", "n_out": "7", "b_out": "9"},
     "spring_damper": {"tau": "3 4"},
 }  # outputs by index of inputs
-FLANGES = {
+ANNOTATIONS = {
     "inertia": '<Flange name="shaft" phi="phi" w="w" tau="tau" W="W" W_abs="W_abs" role="gives"/>',
+    "axis": '<Terms><Term name="windage" amplitude="windage.c"/>'
+    '<Term name="asymmetry" amplitude="asymmetry.tau_A"/></Terms>',
     "spring_damper": '<Flange name="shaft" phi="phi" w="w" tau="tau" W="W" W_abs="W_abs" role="takes"/>',
 }
 
@@ -132,8 +147,8 @@ def _describe(unit: str, declares: Declares) -> str:
             followed = FOLLOWS.get(unit, {}).get(name)
             outputs.append(f'<Unknown index="{index}"' + (f' dependencies="{followed}"/>' if followed else "/>"))
     flange = (
-        f'<VendorAnnotations><Tool name="cobot-joint">{FLANGES[unit]}</Tool></VendorAnnotations>'
-        if unit in FLANGES
+        f'<VendorAnnotations><Tool name="cobot-joint">{ANNOTATIONS[unit]}</Tool></VendorAnnotations>'
+        if unit in ANNOTATIONS
         else ""
     )
     tool = ' generationTool="cobot-joint"' if declares.cubic else ""

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from joblib.externals.loky import get_reusable_executor
 
 from cobot_joint.cosim import Advance, Experiment, simulate, simulate_many
 from cobot_joint.errors import UserError
@@ -53,13 +54,25 @@ def test_a_failed_run_is_reported_and_stops_nothing(make_gain: MakeSystem) -> No
     assert [o.kept for o in outcomes if o.error is None] == pytest.approx([21] * 7)
 
 
-def test_a_run_that_takes_its_process_with_it_is_reported_and_stops_nothing(make_gain: MakeSystem) -> None:
+@pytest.mark.parametrize(
+    ("isolated", "told"),
+    [
+        ("foreign", "UnitEndedError: gain: fmi2DoStep at t = 0.5 s crashed (SIGABRT: "),
+        ("none", "the process that ran it died: a unit crashed"),
+    ],
+)
+def test_a_run_that_takes_its_process_with_it_is_reported_and_stops_nothing(
+    make_gain: MakeSystem, monkeypatch: pytest.MonkeyPatch, isolated: str, told: str
+) -> None:
+    monkeypatch.setenv("COBOT_JOINT_ISOLATE", isolated)
+    get_reusable_executor().shutdown(wait=True)  # processes of earlier tests have the environment of then
     system = make_gain(fail_as=9)
     experiments = [PLAIN.with_parameters({"gain.fail_at": 0.5 if n in (2, 9) else 9.0}) for n in range(12)]
     outcomes = sorted(simulate_many(system, experiments, jobs=2, keep=last_y), key=lambda o: o.index)
     assert [o.index for o in outcomes] == list(range(12))
     assert [o.index for o in outcomes if o.error] == [2, 9]
-    assert outcomes[2].error == "the process that ran it died: a unit crashed"
+    assert [outcomes[n].error.startswith(told) for n in (2, 9)] == [True, True]
+    get_reusable_executor().shutdown(wait=True)
 
 
 def test_results_go_to_disk_with_units_and_provenance(make_gain: MakeSystem, tmp_path: Path) -> None:

@@ -189,3 +189,21 @@ def test_an_unknown_input_is_answered_with_the_known_ones(make_gain: MakeSystem)
     inputs = Inputs(np.array([0.0]), {"v": np.array([1.0])})
     with pytest.raises(UserError, match="input 'v' is given, amplifier has u, n, b"):
         simulate(make_gain(), Experiment(inputs, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"step": 1e9}, r"step 1e\+09 s is given, the run lasts 1 s"),
+        ({"step": 1e-300}, r"in steps of 1e-300 s are given: 1e\+300 points, 1e\+10 are allowed"),
+        ({"output_step": 1e-300}, r"1e\+300 points, 1e\+10 are allowed"),
+        ({"stop_time": 1e18}, r"1e\+21 points, 1e\+10 are allowed"),
+        ({"step": -1.0}, "step -1 s is given, it has to be positive"),
+        ({"step": float("inf")}, "step inf s is given, it has to be positive"),
+    ],
+)
+def test_steps_and_times_that_cannot_be_meant_are_refused(
+    make_gain: MakeSystem, given: dict[str, float], told: str
+) -> None:
+    with pytest.raises(UserError, match=told):
+        simulate(make_gain(), Experiment(NOTHING, **({"stop_time": 1.0} | given)))

@@ -19,6 +19,8 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from cobot_joint import cli
+from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis import commands, run
 from cobot_joint.diagnosis.data.campaign import Campaign, load_campaign
 from cobot_joint.diagnosis.data.recording import Recording
@@ -290,6 +292,53 @@ def test_verify_writes_what_anyone_can_recompute(
         for variant in ("nominal", "calibrated", "repaired"):
             error = signals[f"{name}.recorded [{unit}]"] - signals[f"{name}.{variant} [{unit}]"]
             assert np.sqrt(np.mean(error**2)) == pytest.approx(content["channels"][name][variant])
+
+
+def test_where_no_prediction_can_be_had_verify_writes_the_free_runs_and_says_why(
+    campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> None:
+        raise SimulationError("planetary_gear: fmi2SetReal returned error at t = 0.2 s")
+
+    monkeypatch.setattr(run, "engine", knows(explained()))
+    run.diagnose_campaign(load_campaign(campaign_file), tmp_path)
+    monkeypatch.setattr("cobot_joint.diagnosis.repair.verify.predicted_figures", fails)
+    verify(tmp_path, load_campaign(campaign_file, roles=("holdout",)))
+    content = json.loads((tmp_path / "verify.json").read_text())
+    assert content["not_predicted"] == "planetary_gear: fmi2SetReal returned error at t = 0.2 s"
+    for figures in content["channels"].values():
+        assert figures["predicted"] is None
+        assert figures["repaired"] > 0
+
+
+@pytest.mark.parametrize("command", ["diagnose", "verify"])
+def test_json_is_the_file_on_stdout_and_nothing_else(
+    campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str],
+    command: str,
+) -> None:  # fmt: skip
+    monkeypatch.setattr(run, "engine", knows(explained()))
+    out = tmp_path / "d"
+    run.diagnose_campaign(load_campaign(campaign_file), out)
+    monkeypatch.setattr(commands.console, "quiet", False)  # as it is afterwards, too
+    told = ["--out", str(out)] if command == "diagnose" else [str(out)]
+    monkeypatch.setattr(sys, "argv", ["cobot-joint", command, *told, str(campaign_file), "--json"])
+    with pytest.raises(SystemExit) as left:
+        cli.main()
+    assert left.value.code == 0
+    said = json.loads(capfd.readouterr().out)
+    assert said == json.loads((out / ("diagnosis.json" if command == "diagnose" else "verify.json")).read_text())
+
+
+def test_json_of_a_command_that_has_none_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["cobot-joint", "prove", str(tmp_path), "--json"])
+    with pytest.raises(SystemExit) as left:
+        cli.main()
+    allowed = "demo, diagnose, export, run, verify"
+    assert (left.value.code, capfd.readouterr().err) == (
+        2, f"cobot-joint: --json is given with prove; allowed it is with {allowed}\n"
+    )  # fmt: skip
 
 
 def test_the_commands_answer_as_promised(campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from cobot_joint.errors import UserError
 from cobot_joint.system import System, load_system
+from cobot_joint.units import load_unit
 
 Make = Callable[..., Path]
 Pair = Callable[..., System]
@@ -151,3 +152,16 @@ def test_shipped_system_loads_with_the_benchs_connectors(name: str) -> None:
     assert list(system.inputs) == (["v_command"] if "no_load" in name else ["v_command", "i_brake", "tau_hold"])
     assert ("acquisition" in [c.name for c in system.components]) == name.endswith("logged")
     assert all(c.factor == 1 and c.offset == 0 for c in system.connections)
+
+
+@pytest.mark.parametrize("identifier", ["../../evil", "/tmp/evil", "a b", ""])
+def test_a_model_identifier_that_leaves_its_folder_is_refused(make_fmu: Make, identifier: str) -> None:
+    interface = f'<CoSimulation modelIdentifier="{identifier}"/>'
+    path = make_fmu("a", [("y", "output", "Real", "")], interface=interface)
+    with pytest.raises(UserError, match=r"modelIdentifier .* is given, a name as in C is allowed|modelDescription"):
+        load_unit(path)
+
+
+def test_a_source_with_a_zero_byte_is_refused(make_system: Make) -> None:
+    with pytest.raises(UserError, match=r"source 'a%00b\.fmu' is given, a name without control characters is allowed"):
+        load_system(make_system('<ssd:Component name="a" source="a%00b.fmu"/>'))

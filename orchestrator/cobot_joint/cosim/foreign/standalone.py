@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cobot_joint.cosim.foreign.excitation import OMEGA, Signal, excitation, makes_no_energy
 from cobot_joint.cosim.foreign.ports import Finding, port_findings
 from cobot_joint.cosim.instances import Instance, SimulationError
+from cobot_joint.errors import UserError
 from cobot_joint.system.model import Component, System
 from cobot_joint.system.swap import component_of, replacement, wired_ports
 from cobot_joint.units import Unit, load_unit
@@ -37,7 +38,7 @@ def examine(system: System, name: str, file: str) -> list[Finding]:
             outputs = _given(unit, [new.name(port) for port in wired_ports(system, name)])
             findings += _Alone(pair[0], pair[1], excitation(old, new, unit), outputs).findings()
         findings += makes_no_energy(system, name, file)
-    except SimulationError as error:
+    except (SimulationError, UserError) as error:
         findings.append(Finding(RUNS, "no", str(error)))
     return [*findings, *_declared(unit)]
 
@@ -148,7 +149,7 @@ class _Alone:
         """ok: both ways give the same outputs, but for SAME of each one's rms."""
         try:
             one, other = runs()
-        except SimulationError as error:
+        except (SimulationError, UserError) as error:
             return Finding(what, "no", str(error))
         size, off = (np.sqrt(np.mean(x**2, axis=0)) for x in (one, other - one))
         bad = [n for n, o, s in zip(self.outputs, off, size, strict=True) if not o <= SAME * s]

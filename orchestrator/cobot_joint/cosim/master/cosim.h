@@ -111,6 +111,8 @@ COSIM_API int cosim_resume(Master *m);
 COSIM_API int cosim_advance(Master *m, int64_t tick, double *rows);
 /* Writes the row of the present tick. */
 COSIM_API int cosim_record(Master *m, double *row);
+/* How many rows have been written since tick 0: what is there when a unit fails. */
+COSIM_API int64_t cosim_rows(const Master *m);
 
 typedef struct
 { /* a unit as a function of known variables; reals, integers and booleans have the same values at all points */

@@ -158,6 +158,7 @@ static int follow(Master *m, double t, double h, double **row) {
       (*row)[j] = wire->factor * value(&m->p[wire->signal], s_next) + wire->offset;
     }
     *row += m->plan.n_recorded;
+    m->rows++;
   }
   return 0;
 }
@@ -195,7 +196,7 @@ static int step(Master *m, double **row) {
 /* Calls from Python --------------------------------------------------------------------------------------------------------- */
 
 int cosim_begin(Master *m) {
-  m->tick = 0;
+  m->tick = m->rows = 0;
   m->stride = 1;
   m->known = 1;
   m->calm = 0;
@@ -236,6 +237,7 @@ int cosim_record(Master *m, double *row) {
                    : sample_at(m, m->plan.samples + (s - m->plan.n_outputs) * m->plan.n_samples, k, t);
     row[j] = wire->factor * y + wire->offset;
   }
+  m->rows++;
   return 0;
 }
 
@@ -331,6 +333,7 @@ void cosim_works(const Master *m, double *work, double *work_abs) {
 }
 
 int64_t cosim_tick(const Master *m) { return m->tick; }
+int64_t cosim_rows(const Master *m) { return m->rows; }
 
 const char *cosim_message(const Master *m) { return m->message; }
 

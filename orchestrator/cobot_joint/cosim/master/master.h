@@ -24,6 +24,7 @@ struct Master {
   fmi2Integer *first_order;  /* 1, 1, .. */
   int *discrete;             /* Integers and Booleans of one unit */
   int64_t tick, stride;
+  int64_t rows;      /* written since the beginning */
   int64_t calm;      /* steps since the last rejected one */
   size_t next_break; /* breaks[next_break] > tick, the first such */
   size_t sample;     /* sample_time[sample] <= t < sample_time[sample + 1] */

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from cobot_joint import paths
@@ -92,6 +93,7 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
     columns = columns or {n: Column(str(c)) for n, c in defaults.channels.items()}
     channels = {name: column.connector for name, column in columns.items()}
     parameters = defaults.parameters | given.parameters
+    _each_once(path, given)
     campaign = Campaign(
         given.title, path, given.system, setups, channels, defaults.tolerances | given.tolerances, logged, [],
         terms=given.terms, parameters=parameters,
@@ -120,11 +122,32 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
         if entry.begin is not None or entry.end is not None:  # two windows of one file
             recording.name += f" from {recording.time[0]:.4g} s to {recording.time[-1]:.4g} s"
         recordings.append(recording)
+    _something_moves(campaign)
     names = [r.name for r in recordings]
     for recording in recordings:  # a.csv beside a.parquet
         if names.count(recording.name) > 1 and recording.path:
             recording.name = recording.path.name
     return campaign
+
+
+def _each_once(path: Path, given: CampaignFile) -> None:
+    """UserError: what is recorded once would count twice."""
+    known = set()
+    for file, entry in recording_files(path, given):
+        key = file.resolve(), entry.begin, entry.end
+        if key in known:
+            raise UserError(f"{path}: recording {file.name!r} is given twice: once, or other begin and end")
+        known.add(key)
+
+
+def _something_moves(campaign: Campaign) -> None:
+    """UserError: every output rests at one value in all recordings."""
+    seen: dict[str, set[float]] = {}
+    for recording in campaign.train:
+        for name, x in recording.outputs.items():
+            seen.setdefault(name, set()).update((float(np.nanmin(x)), float(np.nanmax(x))))
+    if seen and all(len(values) == 1 for values in seen.values()):
+        raise UserError(f"{campaign.path}: {among(seen)}: one value in all recordings, something that moves is needed")
 
 
 def recording_files(path: Path, given: CampaignFile) -> list[tuple[Path, RecordingEntry]]:
@@ -183,6 +206,8 @@ def read_campaign_file(path: Path) -> CampaignFile:
         raise UserError(f"{path}: there is no such campaign file") from error
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise UserError(f"{path}: not a TOML file: {error}") from error
+    except RecursionError:
+        raise UserError(f"{path}: not a TOML file: brackets within brackets, deeper than can be read") from None
     except ValidationError as error:
         raise UserError(f"{path}: {_first(error)}") from error
 

@@ -55,6 +55,8 @@ def read_delimited(path: Path, layout: Layout) -> Table:
         text, beside = _unwrapped(text)
         lines = _sample(path, text)
         notes = [f"a spreadsheet has put {len(beside)} cells beside the log, left out: {beside[0]!r}"] if beside else []
+    if layout.skip is not None and layout.skip >= len(lines):
+        raise UserError(f"{path}: skip = {layout.skip} is given, fewer than its first {len(lines)} lines are allowed")
     separator = NAMES.get(layout.separator or "", layout.separator) or _separator(lines[layout.skip or 0 :])
     if separator not in SEPARATORS and len(separator) != 1:
         raise UserError(f'{path}: separator {separator!r} is given, one character, "tab" or "space" is allowed')

@@ -166,6 +166,13 @@ def _wanted(
             found[column.connector] = channel, header, column
     used = {channel.name for channel, _, _ in found.values()} | {split_header(header)[0] for header in columns}
     notes += [f"{name} is not connected to the system and not used" for name in log.names if name not in used]
+    there = {*columns, *(split_header(header)[0] for header in columns), *connectors, *log.names}
+    there |= {column.connector for column in columns.values()}
+    if unknown := [name for name in reading.without if name not in there]:
+        raise UserError(
+            f"{log.path}: without = {unknown[0]!r} is given, a column or connector is needed: "
+            f"{among(columns)}{nearest(unknown[0], list(there))}"
+        )
     for name, header in missing.items():
         if name in found:
             continue
@@ -236,6 +243,11 @@ def _windowed(log: Log, window: tuple[float | None, float | None], late: Mapping
         if key not in clocks:
             time = channel.time - shift
             inside = ~((time < begin) | (time > end))
+            if len(time) and not inside.any():
+                low, high = np.nanmin(time), np.nanmax(time)
+                raise UserError(
+                    f"{log.path}: begin = {begin:g}, end = {end:g} s is given, the clock runs {low:g} to {high:g} s"
+                )
             clocks[key] = (time[inside], inside)
         time, inside = clocks[key]
         found.append(replace(channel, time=time, values=channel.values[inside]))

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import queue
+import threading
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.cosim import Simulation
-from cobot_joint.cosim.instances import SimulationError as UnitError
+from cobot_joint.cosim.instances import UnitEndedError
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.plant import Parameter, Port, ScannedShape, Signals, SimulationError, TermCandidate
 from cobot_joint.diagnosis.plant.simulator import run_beside
@@ -21,6 +22,20 @@ from cobot_joint.system.wiring import ADDITIVE
 from cobot_joint.units import Shape, Term, Unit
 
 MOTION, LOADS = ("rad", "rad/s", "m", "m/s"), ("N.m", "N", "A")  # units of measure
+
+
+@dataclass
+class Crash:
+    """Runs in which a unit's process ended in the same way: what was said of the first, and what was set in it."""
+
+    said: str
+    values: dict[str, float]
+    runs: int = 0
+
+    def __str__(self) -> str:
+        values = ", ".join(f"{name} = {x:.6g}" for name, x in self.values.items())
+        first = f", the first with {values}" if values else ""
+        return f"{self.said}: {self.runs} runs with it are passed over{first}"
 
 
 class FmuPlant:
@@ -41,6 +56,9 @@ class FmuPlant:
             (setup, ports): queue.LifoQueue() for setup in systems for ports in (False, True)
         }
         self._all: list[Simulation] = []
+        self.crashes: dict[tuple[str, str], Crash] = {}  # by component and what became of which call
+        self._noting = threading.Lock()
+        self._turn, self._workers, self._closed = threading.Condition(), 0, False
 
     def __enter__(self) -> FmuPlant:
         return self
@@ -48,6 +66,10 @@ class FmuPlant:
     def __exit__(
         self, _type: type[BaseException] | None, _value: BaseException | None, _trace: TracebackType | None
     ) -> None:
+        """Once nobody is at work: an interruption may have left threads that step these units."""
+        with self._turn:
+            self._closed = True
+            self._turn.wait_for(lambda: self._workers == 0)
         for simulation in self._all:
             simulation.close()
         self._all.clear()
@@ -72,22 +94,48 @@ class FmuPlant:
                 return run_beside(
                     simulation, recording, values, onsets=onsets, added=added, record=[*recording.outputs, *signals]
                 )
-            except UnitError as error:
-                raise SimulationError(f"{recording.name}: {error}") from error
+            except SimulationError as error:
+                if isinstance(error, UnitEndedError):
+                    self._note(error, values)
+                raise SimulationError(f"{error}; in {recording.name}") from error
+
+    def _note(self, error: UnitEndedError, values: Mapping[str, float]) -> None:
+        with self._noting:
+            crash = self.crashes.setdefault((error.component, error.how), Crash(str(error), self._changed(values)))
+            crash.runs += 1
+
+    def _changed(self, values: Mapping[str, float]) -> dict[str, float]:
+        """What is not as the system has it."""
+        return {n: x for n, x in values.items() if n not in self.parameters or x != self.parameters[n].nominal}
+
+    @contextmanager
+    def _at_work(self) -> Iterator[None]:
+        """SimulationError: the plant is closed."""
+        with self._turn:
+            if self._closed:
+                raise SimulationError("the simulation is over")
+            self._workers += 1
+        try:
+            yield
+        finally:
+            with self._turn:
+                self._workers -= 1
+                self._turn.notify_all()
 
     @contextmanager
     def _simulation(self, setup: str, ports: bool) -> Iterator[Simulation]:
         """One that no other thread uses. ports: with the additive ones as inputs."""
         idle = self._idle[setup, ports]
-        try:
-            simulation = idle.get_nowait()
-        except queue.Empty:
-            simulation = Simulation((self.systems if ports else self._bare)[setup])
-            self._all.append(simulation)
-        try:
-            yield simulation
-        finally:
-            idle.put(simulation)
+        with self._at_work():
+            try:
+                simulation = idle.get_nowait()
+            except queue.Empty:
+                simulation = Simulation((self.systems if ports else self._bare)[setup])
+                self._all.append(simulation)
+            try:
+                yield simulation
+            finally:
+                idle.put(simulation)
 
 
 def _inputs(systems: Mapping[str, System]) -> Iterator[Port]:

@@ -9,7 +9,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from cobot_joint.cosim.instances import SimulationError
 from cobot_joint.diagnosis.data.recording import Recording
+
+__all__ = ["Parameter", "Plant", "Port", "ScannedShape", "Signals", "SimulationError", "TermCandidate"]
 
 Signals = dict[str, NDArray[np.float64]]
 
@@ -29,10 +32,6 @@ PROBE = {
     "1/J": 1e-5,
     "1/rad2": 1e4,
 }  # amplitude by unit of measure with which a response is first probed; a scan then adapts it
-
-
-class SimulationError(RuntimeError):
-    """A run that came to no end: parameters far from anything that works."""
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow.parquet
 from numpy.typing import NDArray
 
+from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.conditioning import condition
 from cobot_joint.diagnosis.data.recording import Recording
@@ -41,7 +42,8 @@ def verify(folder: Path, campaign: Campaign) -> dict[str, Any]:
 
     folder: what `diagnose` wrote. The repaired systems are its SSP files, as anyone would run them; only where none of
     them was kept, they are built from diagnosis.json. `system` of verify.json, which is returned, says which it was.
-    UserError: no diagnosis there, or nothing held out.
+    Where no anchored prediction can be had, `predicted` is null and `not_predicted` says why. UserError: no diagnosis
+    there, or nothing held out.
     """
     diagnosis = read_diagnosis(folder)
     if not campaign.holdout:
@@ -58,16 +60,24 @@ def verify(folder: Path, campaign: Campaign) -> dict[str, Any]:
     quality = condition(campaign)
     figures = channel_figures(compared)
     noise = {name: (diagnosis["channels"].get(name) or {}).get("noise") or quality[name].noise for name in figures}
-    predicted = predicted_figures(campaign.holdout, variants(campaign, folder, calibrated), noise_of(campaign))
+    predicted, why = _predicted(campaign, variants(campaign, folder, calibrated))
     content = {
         "system": system,
         "channels": {
-            name: {"noise": noise[name], **values, "predicted": predicted[name]} for name, values in figures.items()
+            name: {"noise": noise[name], **values, "predicted": predicted.get(name)} for name, values in figures.items()
         },
-    }
+    } | ({"not_predicted": why} if why else {})
     write_atomically(folder / "verify.parquet", lambda file: pyarrow.parquet.write_table(table(compared), file))
     write_json(folder / "verify.json", content)
     return content
+
+
+def _predicted(campaign: Campaign, systems: Mapping[str, Variant]) -> tuple[Mapping[str, Any], str]:
+    """Anchored predictions by channel; none, and why, where a unit fails at a state that a filter has estimated."""
+    try:
+        return predicted_figures(campaign.holdout, systems, noise_of(campaign)), ""
+    except SimulationError as error:
+        return {}, str(error)
 
 
 def variants(campaign: Campaign, folder: Path, calibrated: Mapping[str, float]) -> dict[str, Variant]:

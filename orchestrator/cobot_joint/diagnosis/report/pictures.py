@@ -67,8 +67,8 @@ def before_and_after(d: Mapping[str, Any]) -> Picture:
             names = [name for name, c in d["channels"].items() if role in c]
             figure.add_bar(
                 x=names,
-                y=[d["channels"][n][role][variant] / d["channels"][n]["noise"] for n in names],
-                text=[f"{d['channels'][n][role][variant] / d['channels'][n]['noise']:.3g}" for n in names],
+                y=(above := [d["channels"][n][role][variant] / (d["channels"][n]["noise"] or np.nan) for n in names]),
+                text=[f"{x:.3g}" for x in above],
                 textposition="outside",
                 cliponaxis=False,
                 name=variant,
@@ -91,8 +91,9 @@ def before_and_after(d: Mapping[str, Any]) -> Picture:
 
 def _decades(d: Mapping[str, Any]) -> tuple[float, float]:
     """Range of the logarithmic axis: the noise, and the greatest error with its label."""
-    roles = [(c["noise"], c[role]) for c in d["channels"].values() for role in ("train", "holdout") if role in c]
-    worst = max(figures[variant] / noise for noise, figures in roles for variant in VARIANTS)
+    channels = [c for c in d["channels"].values() if c["noise"]]
+    roles = [(c["noise"], c[role]) for c in channels for role in ("train", "holdout") if role in c]
+    worst = max((figures[variant] / noise for noise, figures in roles for variant in VARIANTS), default=1.0)
     return float(np.log10(0.7)), float(np.log10(max(worst, 1.0)) * 1.08 + 0.1)
 
 
@@ -215,7 +216,7 @@ def _gain(c: Comparison, channel: str, noise: float) -> float:
     """Squared error, over noise, that the repair removes; without one, that there is."""
     before = np.nanmean(c.residual("calibrated", channel) ** 2)
     after = np.nanmean(c.residual("repaired", channel) ** 2) if "repaired" in c.simulated else 0.0
-    return float((before - after) / noise**2)
+    return float((before - after) / noise**2) if noise else 0.0
 
 
 def _has_table(f: Mapping[str, Any]) -> bool:

@@ -1,11 +1,17 @@
 /* The least FMI 2.0 co-simulation unit that does all that a master may ask for. Included once by each unit, which defines before:
- * STATES, REALS (value references, states first), INPUTS: bit mask of the Real inputs, SLOPES_AT_ONCE, and after: derivatives, outputs, step_status. */
+ * STATES, REALS (value references, states first), INPUTS: bit mask of the Real inputs, SLOPES_AT_ONCE, and after: derivatives, outputs, step_status.
+ * It may define ON(call, name), which is done at the head of some calls. */
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "fmi2Functions.h"
+
+#define UNUSED(x) (void)(x)
+#ifndef ON
+#define ON(call, name) UNUSED(name)
+#endif
 
 typedef struct {
   fmi2Real r[REALS];        /* index = value reference */
@@ -27,7 +33,6 @@ static void derivatives(const values *v, double *dx);
 static void outputs(values *v);
 static fmi2Status step_status(unit *m, double t, double h); /* before anything is done */
 
-#define UNUSED(x) (void)(x)
 #define V(c) (&((unit *)(c))->v)
 
 static bool is_input(size_t i) { return (INPUTS >> i) & 1; }
@@ -67,6 +72,7 @@ const char *fmi2GetVersion(void) { return fmi2Version; }
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
                               const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean logging) {
   UNUSED(type), UNUSED(guid), UNUSED(resources), UNUSED(visible), UNUSED(logging);
+  ON(Instantiate, name);
   unit *m = calloc(1, sizeof *m);
   if (!m) return NULL;
   m->call = *functions;
@@ -81,18 +87,24 @@ fmi2Status fmi2Reset(fmi2Component c) {
   return fmi2OK;
 }
 
-void fmi2FreeInstance(fmi2Component c) { free(c); }
+void fmi2FreeInstance(fmi2Component c) {
+  ON(FreeInstance, ((unit *)c)->name);
+  free(c);
+}
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean has_tolerance, fmi2Real tolerance, fmi2Real start,
                                fmi2Boolean has_stop, fmi2Real stop) {
   UNUSED(has_tolerance), UNUSED(tolerance), UNUSED(has_stop), UNUSED(stop);
+  ON(SetupExperiment, ((unit *)c)->name);
   V(c)->time = start;
   return fmi2OK;
 }
 fmi2Status fmi2EnterInitializationMode(fmi2Component c) {
+  ON(EnterInitializationMode, ((unit *)c)->name);
   V(c)->initialising = true;
   return fmi2OK;
 }
 fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
+  ON(ExitInitializationMode, ((unit *)c)->name);
   outputs(V(c));
   V(c)->initialising = false;
   return fmi2OK;
@@ -103,6 +115,7 @@ fmi2Status fmi2Terminate(fmi2Component c) {
 }
 
 fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Real value[]) {
+  ON(SetReal, ((unit *)c)->name);
   for (size_t i = 0; i < n; i++) {
     if (vr[i] >= REALS) return fmi2Error;
     V(c)->r[vr[i]] = value[i];
@@ -112,6 +125,7 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n,
 }
 
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real value[]) {
+  ON(GetReal, ((unit *)c)->name);
   if (V(c)->initialising) outputs(V(c));
   for (size_t i = 0; i < n; i++) {
     if (vr[i] >= REALS) return fmi2Error;
@@ -163,6 +177,7 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReferenc
 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean keeps_no_state) {
   UNUSED(keeps_no_state);
+  if (t > 0.05) ON(DoStep, ((unit *)c)->name);
   fmi2Status status = step_status(c, t, h);
   if (status != fmi2OK && status != fmi2Warning) return status;
   if (fabs(t - V(c)->time) > 1e-9) return fmi2Error; /* a master that lost count */
@@ -175,6 +190,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean keeps
 }
 
 fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) {
+  ON(GetFMUstate, ((unit *)c)->name);
   if (!*state) *state = malloc(sizeof(values));
   if (!*state) return fmi2Error;
   memcpy(*state, V(c), sizeof(values));

@@ -141,3 +141,9 @@ def test_numbers_read_as_people_write_them() -> None:
     assert number(None) == "–"
     assert percent(0.9996) == "99.9 %"
     assert percent(1.0) == "100 %"
+
+
+def test_a_channel_without_noise_is_reported() -> None:
+    given = data("undecided", [])
+    given.diagnosis["channels"]["w"]["noise"] = 0.0
+    assert "reversals" in words(render(given))

@@ -1,0 +1,73 @@
+"""Random calls on every unit, under the sanitizers: no memory that is not its own, no undefined operation, no leak."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import fmpy
+import pytest
+
+from cobot_joint.units import find_fmu, load_unit
+
+HERE = Path(__file__).parent
+UNITS = sorted(table.parent.name for table in (HERE.parents[1] / "fmus").glob("*/model.def"))
+HEADERS = Path(fmpy.__file__).parent / "c-code"
+SHORT = 1000  # sequences of 30 calls on two instances
+
+
+@cache
+def can(compiler: str, sanitizers: str, folder: Path) -> bool:
+    """Whether the compiler has them, and a program of theirs runs here."""
+    source, program = folder / "probe.c", folder / "probe"
+    source.write_text("int main(void) { return 0; }\n")
+    made = subprocess.run([compiler, f"-fsanitize={sanitizers}", source, "-o", program], check=False)
+    return made.returncode == 0 and subprocess.run([program], check=False).returncode == 0
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, str], Path]:
+    """program("motor_bldc", "thread"): the unit and sequences.c in one"""
+    compiler = os.environ.get("CC") or next((c for c in ("gcc", "clang", "cc") if shutil.which(c)), None)
+    if compiler is None:
+        pytest.skip("no C compiler for the sanitizers")
+
+    def make(unit: str, sanitizers: str) -> Path:
+        folder = tmp_path_factory.mktemp(unit)
+        if not can(compiler, sanitizers, folder):
+            pytest.skip(f"{compiler} has no -fsanitize={sanitizers} that runs here")
+        source = load_unit(find_fmu(f"{unit}.fmu")).directory / "sources"
+        flags = ["-std=c11", "-D_GNU_SOURCE", "-g", "-O1", "-fno-sanitize-recover=all", f"-fsanitize={sanitizers}"]
+        include = [f'-DUNIT_SOURCE="{source}/all.c"', "-I", source, "-I", HEADERS]
+        command = [compiler, *flags, *include, HERE / "sequences.c", "-o", folder / "fuzz", "-lm", "-lpthread"]
+        subprocess.run(command, check=True)
+        return folder / "fuzz"
+
+    return make
+
+
+def said(program: Path, *arguments: int) -> str:
+    """What it found; nothing is well."""
+    done = subprocess.run([program, *map(str, arguments)], capture_output=True, text=True, check=False)
+    return "" if done.returncode == 0 else f"exit {done.returncode}: {done.stdout}{done.stderr}"
+
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the sanitizers' programs are for POSIX")
+
+
+@pytest.mark.parametrize(
+    "unit", [pytest.param(unit, marks=() if unit == "motor_bldc" else pytest.mark.long) for unit in UNITS]
+)
+def test_no_sequence_of_calls_breaks_a_unit(program: Callable[[str, str], Path], unit: str, times: int) -> None:
+    assert said(program(unit, "address,undefined"), 0, SHORT * times) == ""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("unit", UNITS)
+def test_instances_in_eight_threads_share_nothing(program: Callable[[str, str], Path], unit: str, times: int) -> None:
+    assert said(program(unit, "thread"), 0, SHORT * times, 8) == ""

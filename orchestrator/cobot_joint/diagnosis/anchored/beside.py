@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -26,6 +26,7 @@ FEW = 3  # shapes that are then tried on all of it
 LOOSE = 1e-12  # precision of what may have any size
 FAR = 5.99  # sigma of an innovation, as kalman.c limits it
 STEPS = 12  # onsets that are tried
+LOST = 0.005  # of the samples, from which on a filter has lost its way in a recording
 NEAR = 10  # samples about one that the filter could not follow, which say nothing either
 
 
@@ -84,24 +85,28 @@ class Beside:
         self._scan: Evidence | None = None
 
     def gain_over(self, other: Beside) -> float:
-        """How much more likely the same recordings are here, without the two blocks in which that differs most either
-        way: a filter that loses its way at an impact, or finds it again, says nothing of a term."""
-        here, there = self._by_block(), other._by_block()
-        price = self._price() - other._price()
-        return price + (trimmed_sum(here - there) if len(here) == len(there) else float(here.mean() - there.mean()))
+        """How much more likely the same recordings are here than there: those in which neither filter loses its way, as
+        where an output rattles in its gap, and of their blocks all but the best and the worst."""
+        both = {t.tracked.recording.name for t in self.trackings if _lost(t) < LOST}
+        both &= {t.tracked.recording.name for t in other.trackings if _lost(t) < LOST}
+        here, there = self._by_block(both), other._by_block(both)
+        return self._price() - other._price() + (trimmed_sum(here - there) if len(here) else 0.0)
 
     def _price(self) -> float:
         """What the freedom of parameters and background costs, in nats, negative."""
         return self.regression.evidence - float(self.regression.by_block.sum())
 
-    def _by_block(self) -> Array:
-        """Log likelihood of the innovations, parameters and background as fitted, but for a constant: (blocks,)"""
-        found = [(t.tracked.filtered.precision, t.tracked.filtered.e) for t in self.trackings]
-        filtered = np.array([
-            0.5 * float(np.sum(np.log(p[rows], where=p[rows] > 0, out=np.zeros_like(p[rows])) - p[rows] * e[rows] ** 2))
-            for (p, e), rows in ((found[n], rows) for n, rows in self.blocks)
-        ])  # fmt: skip
-        return np.asarray(filtered + self.regression.by_block)
+    def _by_block(self, recordings: Collection[str]) -> Array:
+        """Log likelihood of these recordings' innovations, parameters and background as fitted, but for a constant:
+        (blocks,)"""
+        found = []
+        for (number, rows), fitted in zip(self.blocks, self.regression.by_block, strict=True):
+            tracked = self.trackings[number].tracked
+            if tracked.recording.name in recordings:
+                p, e = tracked.filtered.precision[rows], tracked.filtered.e[rows]
+                logarithm = np.log(p, where=p > 0, out=np.zeros_like(p))
+                found.append(0.5 * float(np.sum(logarithm - p * e**2)) + fitted)
+        return np.array(found)
 
     @property
     def corrections(self) -> dict[str, tuple[float, float]]:
@@ -195,6 +200,11 @@ class Beside:
 def trimmed_sum(blocks: Array) -> float:
     """Without the largest and the smallest."""
     return float(np.sort(blocks)[1:-1].sum())
+
+
+def _lost(t: Tracking) -> float:
+    """Share of the samples that the filter could not follow."""
+    return float(np.mean(np.any(np.abs(t.tracked.filtered.white) > FAR, axis=1)))
 
 
 def _followed(t: Tracking) -> Array:

@@ -42,7 +42,7 @@ class Named:
     """A term that is on.
 
     rival: evidence of the best term that could not be called alike. blocks: log likelihood that it adds to quarters of
-    the recordings that it was not fitted to.
+    the recordings that it was not fitted to; in_all: to all of them, followed again with it.
     """
 
     candidate: Candidate
@@ -50,6 +50,7 @@ class Named:
     rival: float
     blocks: tuple[float, ...]
     where: dict[str, object]
+    in_all: float = 0.0
 
     @property
     def name(self) -> str:
@@ -111,7 +112,9 @@ class Searcher:
         found.calibrated = self._estimates(found, at)
         while True:
             room = len(found.named) < thresholds.MOST_TERMS
-            more = next(filter(None, (self._added(found, n) for n in self._next(found, at))), None) if room else None
+            more = (
+                next(filter(None, (self._added(found, at, n) for n in self._next(found, at))), None) if room else None
+            )
             if more is None:
                 break
             found, at = more
@@ -119,15 +122,20 @@ class Searcher:
         found.background = _background(at, self.plant)
         return found
 
-    def _added(self, found: Search, named: Named) -> tuple[Search, Beside] | None:
-        """With a term switched on; None: it cannot be simulated."""
+    def _added(self, found: Search, at: Beside, named: Named) -> tuple[Search, Beside] | None:
+        """With a term switched on; None: the recordings are less likely then, its linear share notwithstanding."""
         self.say(f"{named.name}: evidence {named.evidence:.0f}, left-out parts {named.predicted:.0f}")
         with_it = self._with(found, named)
         try:
-            return with_it, self._settle(with_it, RESETTLE)
+            then = self._settle(with_it, RESETTLE)
         except SimulationError as error:
             self.say(f"{named.name} cannot be simulated: {error}")
             return None
+        # in what is linear, a base parameter was free to leave its tolerance already
+        more = named.evidence if named.name in self.bounds else then.gain_over(at)
+        self.say(f"{named.name}: {more:+.0f} in all")
+        with_it.named[-1] = replace(named, in_all=more)
+        return (with_it, then) if more > 0 else None
 
     def _settle(self, found: Search, most: int) -> Beside:
         """Follow the recordings, and again with the free parameters where they are most likely, while that brings more

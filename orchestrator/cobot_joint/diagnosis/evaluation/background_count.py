@@ -87,7 +87,7 @@ def judge(drawn: Drawn, found: Search, background: float) -> Row:
             for c, name in zip(drawn.effects, names, strict=True)
         ],
         "findings": [
-            {"term": n.name, "alike": n.alike, "evidence": n.evidence, "predicted": n.predicted,
+            {"term": n.name, "alike": n.alike, "evidence": n.evidence, "in_all": n.in_all, "predicted": n.predicted,
              "rival": n.rival, "confidence": confidence(n), "true": bool(s & set(names))}
             for n, s in zip(found.named, said, strict=True)
         ],

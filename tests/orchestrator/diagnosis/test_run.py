@@ -335,7 +335,7 @@ def test_json_of_a_command_that_has_none_is_refused(
     monkeypatch.setattr(sys, "argv", ["cobot-joint", "prove", str(tmp_path), "--json"])
     with pytest.raises(SystemExit) as left:
         cli.main()
-    allowed = "demo, diagnose, export, run, verify"
+    allowed = "check, demo, diagnose, export, run, verify"
     assert (left.value.code, capfd.readouterr().err) == (
         2, f"cobot-joint: --json is given with prove; allowed it is with {allowed}\n"
     )  # fmt: skip

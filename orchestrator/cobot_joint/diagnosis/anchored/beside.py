@@ -86,11 +86,13 @@ class Beside:
 
     def gain_over(self, other: Beside) -> float:
         """How much more likely the same recordings are here than there: those in which neither filter loses its way, as
-        where an output rattles in its gap, and of their blocks all but the best and the worst."""
-        both = {t.tracked.recording.name for t in self.trackings if _lost(t) < LOST}
-        both &= {t.tracked.recording.name for t in other.trackings if _lost(t) < LOST}
+        where an output rattles in its gap (all, if that is so in all), and of their blocks all but the best and worst.
+        """
+        every = {t.tracked.recording.name for t in self.trackings} & {t.tracked.recording.name for t in other.trackings}
+        lost = {t.tracked.recording.name for t in (*self.trackings, *other.trackings) if _lost(t) >= LOST}
+        both = every - lost or every
         here, there = self._by_block(both), other._by_block(both)
-        return self._price() - other._price() + (trimmed_sum(here - there) if len(here) else 0.0)
+        return self._price() - other._price() + trimmed_sum(here - there)
 
     def _price(self) -> float:
         """What the freedom of parameters and background costs, in nats, negative."""

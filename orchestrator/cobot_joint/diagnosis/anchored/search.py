@@ -31,8 +31,8 @@ TRIED = 5  # of those best ranked
 POINTED = 20  # of those that a later look is confined to: what is far behind now stays there
 NORMAL = 1.96
 # of the logarithm of the odds: by the decimal logarithm of the evidence in nats, by the rival's share of it; even odds
-# at 40: between the few drawn machines that were looked at, to be fitted to a count (background_count.py)
-INTERCEPT, COEFFICIENT, RIVAL = -4.0, 2.5, -1.0
+# at 12: by hand, between the findings of some twenty drawn machines; to be fitted to a count (background_count.py)
+INTERCEPT, COEFFICIENT, RIVAL = -2.9, 2.7, -1.0
 MOST = 0.97
 PROBED = 0.3  # of the noise, that a run is moved by where a term's answer is taken from runs
 

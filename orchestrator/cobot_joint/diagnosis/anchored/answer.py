@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.search import Named, Search, confidence
+from cobot_joint.diagnosis.estimation.fit import NORMAL
 from cobot_joint.diagnosis.findings import Candidate, Diagnosis, Estimate, Finding
 
 
@@ -13,10 +16,10 @@ def diagnosis(found: Search, units: Mapping[str, str]) -> Diagnosis:
     """Without where the recordings differ and what would tell more. units: parameter -> unit of measure."""
     repaired = dict(found.repaired)
     for candidate in found.linear:
+        sigma = float(np.sqrt(candidate.added.covariance[0, 0]))
         for name, value in candidate.values.items():
-            repaired[name] = Estimate(
-                value, units.get(name, "1"), _interval(candidate.term.amplitude == name, value, candidate)
-            )
+            off = NORMAL * sigma if name == candidate.term.amplitude else 0.0
+            repaired[name] = Estimate(value, units.get(name, "1"), (value - off, value + off))
     findings = [_finding(named, repaired) for named in found.named]
     return Diagnosis(
         verdict="explained" if findings else "nothing_missing",
@@ -26,11 +29,6 @@ def diagnosis(found: Search, units: Mapping[str, str]) -> Diagnosis:
         background=found.background,
         ranking=[[Candidate(name, 2 * evidence, {}, None) for name, evidence in rank] for rank in found.ranking],
     )
-
-
-def _interval(amplitude: bool, value: float, candidate: object) -> tuple[float, float]:
-    sigma = float(candidate.added.covariance[0, 0]) ** 0.5 if amplitude else 0.0  # type: ignore[attr-defined]
-    return value - 1.96 * sigma, value + 1.96 * sigma
 
 
 def _finding(named: Named, repaired: Mapping[str, Estimate]) -> Finding:

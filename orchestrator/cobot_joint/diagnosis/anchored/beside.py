@@ -13,13 +13,12 @@ from cobot_joint.diagnosis.anchored.background import background
 from cobot_joint.diagnosis.anchored.regression import Added, Columns, Products, Regression
 from cobot_joint.diagnosis.plant.plant import Port, TermCandidate
 from cobot_joint.diagnosis.state_estimation.estimator import Tracked
-from cobot_joint.diagnosis.state_estimation.evidence import Effect, Evidence, Tracking, combinations
+from cobot_joint.diagnosis.state_estimation.evidence import TOGETHER, Effect, Evidence, Tracking, combinations
 from cobot_joint.diagnosis.state_estimation.kalman import respond
 
 Array = NDArray[np.float64]
 Shapes = Mapping[str, float]
 BLOCKS = 4  # of each recording, left out in turn
-TOGETHER = 16  # combinations of shapes in one pass
 MANY = 10  # combinations of a wave's shapes from which on a stretch of the recordings is scanned first
 STRETCH = 2.0  # s of each recording, where it moves most
 FEW = 3  # shapes that are then tried on all of it

@@ -15,6 +15,7 @@ from cobot_joint.diagnosis.anchored.background import SPEEDS
 from cobot_joint.diagnosis.anchored.beside import Beside, Candidate, trimmed_sum
 from cobot_joint.diagnosis.anchored.tracks import Tracker
 from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.estimation.fit import NORMAL
 from cobot_joint.diagnosis.findings import Estimate
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import PROBE, TermCandidate
@@ -29,10 +30,9 @@ FARTHEST = 0.5  # of a value, that a term's own parameter moves at once
 LEADERS = 4  # candidates whose onsets are looked at
 TRIED = 5  # of those best ranked
 POINTED = 20  # of those that a later look is confined to: what is far behind now stays there
-NORMAL = 1.96
 # of the logarithm of the odds: by the decimal logarithm of the evidence in nats, by the rival's share of it; even odds
-# at 12: by hand, between the findings of some twenty drawn machines; to be fitted to a count (background_count.py)
-INTERCEPT, COEFFICIENT, RIVAL = -2.9, 2.7, -1.0
+# at 25: by hand, above the false findings of some twenty drawn machines; to be fitted to a count (background_count.py)
+INTERCEPT, COEFFICIENT, RIVAL = -3.75, 2.7, -1.0
 MOST = 0.97
 PROBED = 0.3  # of the noise, that a run is moved by where a term's answer is taken from runs
 
@@ -102,7 +102,8 @@ class Searcher:
     ) -> None:
         self.plant, self.tracker, self.say = plant, tracker, say
         self.bounds, self.terms = dict(bounds), list(terms)
-        self._base_runs: dict[int, list[NDArray[np.float64]] | None] = {}  # of one point of the search
+        self._base_runs: dict[object, list[NDArray[np.float64]] | None] = {}  # of one point of the search
+        self._phases = {t.phase for t in terms}
         self._pointed: set[str] = set()  # terms that the first look pointed to
 
     def search(self) -> Search:
@@ -171,7 +172,7 @@ class Searcher:
     def _moved(self, found: Search, name: str, off: float) -> float:
         value = self._value(found, name)
         low, high = found.own.get(name) or self.bounds[name]
-        if name in found.own and name not in self.bounds and not name.endswith(".phi_0"):
+        if name in found.own and name not in self.bounds and name not in self._phases:
             off = float(np.clip(off, -FARTHEST * abs(value), FARTHEST * abs(value)))
         return float(np.clip(value + off, low, high))
 
@@ -219,10 +220,13 @@ class Searcher:
 
     def _by_runs(self, found: Search, at: Beside, term: TermCandidate) -> Candidate | None:
         """A term with a memory answers to nothing while it is off: what it does to a run, in proportion."""
+        if term.phase is not None:
+            return None
         recordings = [t.tracked.recording for t in at.trackings]
-        if (base := self._base_runs.get(id(at))) is None:
-            self._base_runs = {id(at): self._runs(found, recordings, {})}
-            base = self._base_runs[id(at)]
+        point = tuple(r.name for r in recordings), frozenset(found.values.items()), frozenset(found.onsets.items())
+        if point not in self._base_runs:
+            self._base_runs = {point: self._runs(found, recordings, {})}
+        base = self._base_runs[point]
         probe = PROBE.get(term.unit, PROBE["1"])
         every = list(combinations(term))
         if base is None or (far := self._runs(found, recordings, _on(term, every[0], probe))) is None:
@@ -240,7 +244,7 @@ class Searcher:
             return Effect([np.zeros((len(d) - 1, t.estimator.x.stop, d.shape[2]))
                            for d, t in zip(direct, at.trackings, strict=True)], direct)  # fmt: skip
 
-        candidate = at.best(term, every, len(every), of) if term.phase is None else None
+        candidate = at.best(term, every, len(every), of)
         return candidate and replace(candidate, by_runs=True)
 
     def _runs(

@@ -65,7 +65,7 @@ def test_a_finding_is_true_by_its_own_name_or_an_alike_one_in_any_unit(machine: 
 
 def test_the_tables_count_what_was_missed_and_what_was_false(machine: Drawn) -> None:
     hit = judge(machine, said(machine, machine.effects[0].active.term.name), 100.0)
-    healthy = {"effects": [], "findings": [{**hit["findings"][0], "true": False, "confidence": 0.6}]}
+    healthy = {"effects": [], "findings": [{**hit["findings"][0], "true": False, "confidence": 0.85}]}
     text = tables(
         [
             hit,
@@ -74,6 +74,6 @@ def test_the_tables_count_what_was_missed_and_what_was_false(machine: Drawn) -> 
         ]
     )
     assert "| any finding | 1 | 1 |" in text
-    assert "| 0.5 to 0.8 | 1 | 0 |" in text
-    squares = [(hit["findings"][0]["confidence"] - 1) ** 2, 0.6**2, 1.0]
+    assert "| 0.8 to 0.9 | 1 | 0 |" in text
+    squares = [(hit["findings"][0]["confidence"] - 1) ** 2, 0.85**2, 1.0]
     assert f"{np.mean(squares):.3f}" in text

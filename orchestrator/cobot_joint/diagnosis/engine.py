@@ -26,7 +26,7 @@ from cobot_joint.diagnosis.localization.isolability import prefetch
 from cobot_joint.diagnosis.localization.localize import locate_difference
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import Plant, TermCandidate
-from cobot_joint.diagnosis.selection.confidence import confidence
+from cobot_joint.diagnosis.selection.confidence import beside_background, confidence
 from cobot_joint.diagnosis.selection.external_loads import look_for_external_loads, look_for_unlogged_load
 from cobot_joint.diagnosis.selection.stepwise import SETTLED, Selected, Selection, Selector, prune, worth_naming
 from cobot_joint.diagnosis.selection.unmodelled import Unmodelled, look_for_unmodelled
@@ -142,29 +142,46 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     """With `terms` in the campaign: these, and nothing beyond them. Else all, and what no list names."""
     only = campaign.terms
     scan = Scan(problem, _terms(problem, only), say)
-    select = Selector(problem, scan, say).select
-    if not only and (load := look_for_unlogged_load(problem, calibrated, select, say)):
+    quick = Selector(problem, scan, say, least=0.0 if only else thresholds.PROMISES)
+    select = quick.select
+    if not only and (load := look_for_unlogged_load(problem, calibrated, select, say, quick.promised)):
         nothing = Selection([calibrated], indistinguishable=dict(scan.indistinguishable))
         return Explanation(calibrated, load.fit, nothing, load.selected, load)
-    listed = Selector(problem, scan, say, store).select(calibrated, _basis(campaign))
+    listed = Selector(problem, scan, say, store, quick.least).select(calibrated, _basis(campaign))
+    found = _along_the_motion(campaign, problem, listed, say, store) if listed.spread else None
+    if listed.spread and found is None:
+        listed = Selector(problem, scan, say, store).select(calibrated, _basis(campaign))
     calibrated = listed.history[0]  # that of before, or a better one that came up on the way
     if only:
         kept = worth_naming(problem, calibrated, listed)
         return Explanation(calibrated, kept.fit, listed, kept.selected)
     if loads := look_for_external_loads(problem, listed, select, say):
         return Explanation(calibrated, loads.fit, listed, loads.selected, loads)
+    if found is None and not _takes_most(problem, listed):
+        found = _along_the_motion(campaign, problem, listed, say, store)
+    return _beyond_the_list(problem, listed, found, say)
+
+
+def _beyond_the_list(problem: Problem, listed: Selection, found: Search | None, say: Progress) -> Explanation:
+    """What listed terms leave: to the recorded motion, to a formula, or to nothing."""
+    calibrated = listed.history[0]
     left, before = problem.excess(listed.fit.residual), problem.excess(calibrated.residual)
     stands = listed.selected if left < thresholds.REMAINDER * before else []
-    found = _along_the_motion(campaign, problem, listed, say, store)
     if found and stands and found.supports(stands[0].term):
         return Explanation(calibrated, listed.fit, listed, stands, anchored=found)
-    unmodelled = look_for_unmodelled(problem, calibrated, listed, say)
-    if unmodelled and (found is None or _down_to_noise(problem, unmodelled.fit)):
+    background = found is not None or _takes_most(problem, listed)
+    unmodelled = look_for_unmodelled(problem, calibrated, listed, say, thresholds.ALONE if background else 0.0)
+    if unmodelled and (not background or _down_to_noise(problem, unmodelled.fit)):
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
     if found and (found.named or not stands):
         return Explanation(calibrated, listed.fit, listed, [], anchored=found)
     kept = prune(problem, listed)
     return Explanation(calibrated, kept.fit, listed, kept.selected)
+
+
+def _takes_most(problem: Problem, listed: Selection) -> bool:
+    """Whether a listed term takes so much that, though more than noise is left, it is more likely right than not."""
+    return max(map(beside_background, listed.taken(problem).values()), default=0.0) >= thresholds.EVEN
 
 
 def _down_to_noise(problem: Problem, fit: Fit) -> bool:
@@ -226,10 +243,14 @@ def _verdict(findings: Sequence[Finding], much_left: bool) -> Verdict:
     return "undecided" if much_left else "nothing_missing"
 
 
-def _along(explanation: Explanation, term: str) -> float:
-    """How sure the recorded motion is of a term; 0: it was not asked, or says nothing of it."""
-    found = explanation.anchored
-    return found.supports(term) if found else 0.0
+def _sure(problem: Problem, explanation: Explanation, selected: Selected, left: float) -> float:
+    """Confidence in a listed term: by what is left, beside a background by the share that it took, or as the recorded
+    motion says."""
+    shares = explanation.selection.taken(problem)
+    much = left > thresholds.CLEARLY_LEFT * problem.excess_scatter
+    beside = beside_background(shares.get(selected.term, 0.0)) if much else 0.0
+    along = explanation.anchored.supports(selected.term) if explanation.anchored else 0.0
+    return max(confidence(selected.gain, left), beside, along)
 
 
 def _finding(
@@ -245,7 +266,7 @@ def _finding(
     return Finding(
         term=selected.term,
         equivalent=tuple(dict.fromkeys([*twins, *alike]))[: thresholds.MOST_NAMES - 1],
-        confidence=max(confidence(selected.gain, left), _along(explanation, selected.term)),
+        confidence=_sure(problem, explanation, selected, left),
         onset=active.onset,
         parameters={name: repaired[name] for a in both for name in a.values if name in repaired},
         where=where_it_shows(problem, explanation.fit, active),

@@ -24,6 +24,10 @@ STILL_NEEDED = 0.02  # of what an earlier term took, that it must take beside a 
 LATER = 60.0  # chi-square by which a late onset must beat being there from the start: 16 onsets, two sigma each [count]
 MOST_TERMS = 4  # of a campaign, and features of a formula; drawn campaigns have two at most [count]
 
+PROMISES = (
+    0.3  # of what is above noise, that the first must promise: no campaign of proof/open or proof/sealed has less
+)
+
 # -- what cannot be told apart
 COLLINEAR = 0.9995  # cosine from which on two responses are one: motor and gear friction have 1.000 [naming]
 ALIKE = 30.0  # chi-square by which a term's fit may be worse and still not be told apart: five sigma of one number
@@ -52,6 +56,8 @@ ENOUGH = 0.97  # of it, from which on no further forms or arguments are tried [n
 TABLE_FREEDOM = 4  # features that a smooth table counts for: its effective degrees of freedom [naming]
 NEAR_PORT = 0.5  # of the best port's gain, from which on a second one is looked at in full [naming]
 FEATURE_WORTH = 0.04  # of the excess, that a further feature must take [naming]
+
+EVEN = 0.5  # confidence, from which on a finding is a claim: the scorers' rule
 
 # -- external loads and step offsets
 BRIEF = 0.1  # of all the time, in which ...

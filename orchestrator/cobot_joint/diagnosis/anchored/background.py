@@ -7,7 +7,7 @@ time, quick and slow, are the latent forces themselves.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,49 +23,34 @@ STANDS = 1e-9  # range of a signal that does not change
 
 
 @dataclass(frozen=True)
-class Background:
-    """Columns of all its groups, one after the other.
+class Group:
+    """Functions of one signal at one port. signals: what they are there, of all recordings that have it, one after the
+    other: (samples, functions)."""
 
-    groups: (port, signal, number of columns). signals: of each group, what its columns are at the port, of all
-    recordings that have it, (samples, columns).
-    """
+    port: str
+    variable: str
+    signals: Array
 
-    effect: Effect
-    groups: tuple[tuple[str, str, int], ...]
-    signals: tuple[Array, ...]
+    @property
+    def count(self) -> int:
+        """Of its functions."""
+        return self.signals.shape[1]
 
 
-def background(trackings: Sequence[Tracking], ports: Sequence[Port]) -> Background:
-    """Along the recorded motion. ports: of the plant."""
+def background(trackings: Sequence[Tracking], ports: Sequence[Port]) -> Iterator[tuple[Group, Effect]]:
+    """Along the recorded motion, group by group. ports: of the plant."""
     there = {name for t in trackings for name in t.estimator.ports}
-    groups: list[tuple[str, str, int]] = []
-    signals: list[Array] = []
-    psi: list[list[Array]] = [[] for _ in trackings]
-    direct: list[list[Array]] = [[] for _ in trackings]
     for port in (p for p in ports if p.name in there):
         for name, count in _variables(trackings, port):
             series = [_signal(t, port, name) for t in trackings]
-            low = min(x.min() for x in series if x is not None)
-            high = max(x.max() for x in series if x is not None)
+            low = float(min(x.min() for x in series if x is not None))
+            high = float(max(x.max() for x in series if x is not None))
             if high - low < STANDS:
                 continue
-            groups.append((port.name, name, count))
-            there_is = [x for x in series if x is not None]
-            signals.append(np.concatenate([_bells(x, float(low), float(high), count) for x in there_is]))
-            for n, (t, x) in enumerate(zip(trackings, series, strict=True)):
-                samples = len(t.tracked.time)
-                bells = np.zeros((samples, count)) if x is None else _bells(x, float(low), float(high), count)
-                one, other = _at_port(t, port.name, bells)
-                psi[n].append(one)
-                direct[n].append(other)
-    inner = [_side_by_side(p, len(t.tracked.y) - 1, t.estimator.x.stop) for p, t in zip(psi, trackings, strict=True)]
-    outer = [_side_by_side(p, *t.tracked.y.shape) for p, t in zip(direct, trackings, strict=True)]
-    return Background(Effect(inner, outer), tuple(groups), tuple(signals))
-
-
-def _side_by_side(parts: Sequence[Array], rows: int, across: int) -> Array:
-    """(rows, across, all columns)"""
-    return np.concatenate(parts, axis=2) if parts else np.zeros((rows, across, 0))
+            bells = [None if x is None else _bells(x, low, high, count) for x in series]
+            parts = [_at_port(t, port.name, b, count) for t, b in zip(trackings, bells, strict=True)]
+            signals = np.concatenate([b for b in bells if b is not None])
+            yield Group(port.name, name, signals), Effect([inner for inner, _ in parts], [outer for _, outer in parts])
 
 
 def _variables(trackings: Sequence[Tracking], port: Port) -> list[tuple[str, int]]:
@@ -92,11 +77,12 @@ def _bells(x: Array, low: float, high: float, count: int) -> Array:
     return np.asarray(np.exp(-0.5 * ((x[:, None] - middles) / (middles[1] - middles[0])) ** 2))
 
 
-def _at_port(t: Tracking, port: str, signals: Array) -> tuple[Array, Array]:
-    """(n - 1, states, k), (n, channels, k): of signals (n, k) that enter at a latent's port."""
-    if port not in t.estimator.ports:
-        shape = (*t.tracked.y.shape, signals.shape[1])
-        return np.zeros((shape[0] - 1, t.estimator.x.stop, shape[2])), np.zeros(shape)
+def _at_port(t: Tracking, port: str, signals: Array | None, count: int) -> tuple[Array, Array]:
+    """(n - 1, states, count), (n, channels, count): of signals (n, count) that enter at a latent's port; None: there is
+    no such port."""
+    if signals is None:
+        shape = (*t.tracked.y.shape, count)
+        return np.zeros((shape[0] - 1, t.estimator.x.stop, count)), np.zeros(shape)
     column = t.estimator.ports.index(port)
     gamma = np.concatenate([tangent.Gamma[:, :, column] for tangent in t.tracked.tangents])
     read = t.tracked.steps.H[:, :, t.estimator.d.start + column]

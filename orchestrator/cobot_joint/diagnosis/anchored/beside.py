@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.diagnosis.anchored.background import background
+from cobot_joint.diagnosis.anchored.background import Group, background
 from cobot_joint.diagnosis.anchored.regression import Added, Columns, Products, Regression
 from cobot_joint.diagnosis.plant.plant import Port, TermCandidate
 from cobot_joint.diagnosis.state_estimation.estimator import Tracked
@@ -64,9 +64,13 @@ class Beside:
         self.trackings = list(trackings)
         self.evidence = Evidence(trackings, free)
         self.names = self.evidence.parameters
-        self.background = background(trackings, ports)
+        self.ports, self.acting = list(ports), [self.evidence.base, *linear]
         self._weight = [_followed(t) for t in self.trackings]
-        parts = [self._white(e) for e in (self.evidence.base, *linear, self.background.effect)]
+        self.background: list[Group] = []
+        parts = [self._white(e) for e in self.acting]
+        for group, effect in background(trackings, ports):
+            self.background.append(group)
+            parts.append(self._white(effect))
         self._X = [np.concatenate(of_one, axis=2) for of_one in zip(*parts, strict=True)]
         self._e = [t.tracked.filtered.white[:, :, None] * w for t, w in zip(self.trackings, self._weight, strict=True)]
         self.blocks = [(n, rows) for n, t in enumerate(self.trackings)
@@ -79,7 +83,7 @@ class Beside:
             int((w[:, 0] * (t.tracked.filtered.precision > 0)).sum())
             for t, w in zip(self.trackings, self._weight, strict=True)
         )
-        groups = [count for _, _, count in self.background.groups]
+        groups = [group.count for group in self.background]
         self.regression = Regression(own, precision, centre, groups, readings)
         self._scan: Evidence | None = None
 
@@ -91,11 +95,7 @@ class Beside:
         lost = {t.tracked.recording.name for t in (*self.trackings, *other.trackings) if _lost(t) >= LOST}
         both = every - lost or every
         here, there = self._by_block(both), other._by_block(both)
-        return self._price() - other._price() + trimmed_sum(here - there)
-
-    def _price(self) -> float:
-        """What the freedom of parameters and background costs, in nats, negative."""
-        return self.regression.evidence - float(self.regression.by_block.sum())
+        return self.regression.price - other.regression.price + trimmed_sum(here - there)
 
     def _by_block(self, recordings: Collection[str]) -> Array:
         """Log likelihood of these recordings' innovations, parameters and background as fitted, but for a constant:
@@ -154,12 +154,13 @@ class Beside:
             ]  # fmt: skip
             width = width if onset is not None else width / 4
             for t_0 in times:
-                added = self.regression.added(self._products(self._white(self._since(found.effect, float(t_0)))))
+                effect = self._since(found.effect, float(t_0))
+                added = self.regression.added(self._products(self._white(effect)))
                 evidence = -np.inf if added is None else added.evidence - np.log(STEPS)
                 if added is not None and evidence > best.evidence + (worth if best.onset is None else 0.0):
                     shapes = {s.name: float(found.values[s.name]) for s in found.term.shapes}
                     values = _values(found.term, shapes, added.coefficients)
-                    best = replace(found, values=values, onset=float(t_0), added=added, evidence=float(evidence))
+                    best = Candidate(found.term, values, float(t_0), added, float(evidence), effect, found.by_runs)
         return best
 
     def predicted(self, found: Candidate) -> Array:

@@ -7,6 +7,8 @@ import math
 # of the logarithm of the odds, per feature below
 INTERCEPT = 2.94
 COEFFICIENTS = (-3.25, -1.17, -0.73)
+BESIDE = (-3.0, 5.0)  # beside a background: intercept, and per decade of what is left
+LEAST_LEFT, MOST = 1e-3, 0.95
 LEFT = 500.0  # chi-square of slow structure from which on something is left
 
 
@@ -24,3 +26,12 @@ def confidence(gain: float, left: float, unlisted: bool = False) -> float:
     x = features(gain, left, unlisted)
     score = INTERCEPT + sum(b * f for b, f in zip(COEFFICIENTS, x, strict=True))
     return round(1 / (1 + math.exp(-score)), 3)
+
+
+def beside_background(taken: float) -> float:
+    """0..1, where no model fits to the noise: by the share that the term took of what was above it.
+
+    A background is not a listed term's to take; an effect of three times its size is nine tenths of the whole.
+    """
+    score = BESIDE[0] + BESIDE[1] * math.log10(1 / max(1 - taken, LEAST_LEFT))
+    return round(min(1 / (1 + math.exp(-score)), MOST), 3)

@@ -30,7 +30,7 @@ from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form, Loa
 from cobot_joint.diagnosis.localization.evidence import where_it_gains
 from cobot_joint.diagnosis.plant.correction import Product
 from cobot_joint.diagnosis.plant.plant import PROBE, Port
-from cobot_joint.diagnosis.selection.confidence import confidence
+from cobot_joint.diagnosis.selection.confidence import beside_background, confidence
 from cobot_joint.diagnosis.selection.stepwise import Selected, Selection, share
 from cobot_joint.diagnosis.selection.unmodelled import Unmodelled
 
@@ -56,10 +56,14 @@ def look_for_external_loads(problem: Problem, listed: Selection, select: Select,
     return found
 
 
-def look_for_unlogged_load(problem: Problem, calibrated: Fit, select: Select, say: Say) -> Unmodelled | None:
+def look_for_unlogged_load(
+    problem: Problem, calibrated: Fit, select: Select, say: Say, promised: Callable[[Fit], float] = lambda fit: 1.0
+) -> Unmodelled | None:
     """Loads at an input that nobody logged, where these and listed terms beside them explain all there is.
 
     Asked before any term is selected: a hand that comes and goes as it likes leaves terms nothing but patches.
+    promised: share of what a fit leaves above noise that the best listed term promises to take. Where that is not half,
+    loads need not explain all: what is left beside them may be a background.
     """
     above, spans = calibrated.chi2 - problem.samples, short_times(problem, calibrated.residual)
     if not spans or not problem.unexplained(calibrated.residual):
@@ -70,8 +74,11 @@ def look_for_unlogged_load(problem: Problem, calibrated: Fit, select: Select, sa
         if fit is None:
             continue
         best, selected = _with_terms(problem, fit, [], select, say)
+        answer = _answer(problem, calibrated, best, selected, proposal.port)
         if not problem.unexplained(best.residual):
-            return _answer(problem, calibrated, best, selected, proposal.port)
+            return answer
+        if answer.taken > thresholds.LOADS_TAKE and promised(calibrated) < thresholds.HOLDS:
+            return answer
     return None
 
 
@@ -160,10 +167,11 @@ def _answer(problem: Problem, start: Fit, best: Fit, selected: list[Selected], p
     offsets = [e for e in acting(best) if isinstance(e, StepOffset)]
     loads = [e for e in acting(best) if isinstance(e, LoadPulse)]
     touch = next((t.name for t in problem.plant.terms if t.episode and t.component == port.component), None)
+    sure = confidence(gain, max(problem.excess(best.residual), 0.0), unlisted=bool(offsets) or not touch)
     finding = Finding(
         term=touch if touch and not offsets else f"{port.component}.unlisted",
         equivalent=(),
-        confidence=confidence(gain, max(problem.excess(best.residual), 0.0), unlisted=bool(offsets) or not touch),
+        confidence=max(sure, beside_background(taken)) if touch and not offsets else sure,
         onset=offsets[0].t_0 if offsets else None,
         parameters={},
         where=where_it_gains(problem, start.residual**2 - best.residual**2),

@@ -53,11 +53,19 @@ class Selection:
     indistinguishable: dict[str, str] = field(default_factory=dict)  # term -> the one of another unit that it equals
     probes: dict[str, float] = field(default_factory=dict)  # of the score test, which a later round needs
     done: bool = False
+    spread: bool = False  # no term alone promised much, so that none was fitted
 
     @property
     def fit(self) -> Fit:
         """The last, with every term."""
         return self.history[-1]
+
+    def taken(self, problem: Problem) -> dict[str, float]:
+        """Term -> what it takes, as a share of that and of what nothing explains; never more than its fellows on
+        average, since patches take much together and little each."""
+        before, left = (max(fit.chi2 - problem.samples, 1e-9) for fit in (self.history[0], self.fit))
+        average = 1 - min(left / before, 1.0) ** (1 / max(len(self.selected), 1))
+        return {s.term: min(s.gain / (s.gain + left), average) for s in self.selected}
 
     def up_to(self, count: int) -> Selection:
         """With the first terms only."""
@@ -65,13 +73,20 @@ class Selection:
 
 
 class Selector:
-    """Adds terms to a calibrated base model."""
+    """Adds terms to a calibrated base model.
 
-    def __init__(self, problem: Problem, scan: Scan, progress: Progress, store: Store | None = None) -> None:
+    least: share of what is above noise that the score test has to promise of a first term; where none does, nothing is
+    fitted.
+    """
+
+    def __init__(
+        self, problem: Problem, scan: Scan, progress: Progress, store: Store | None = None, least: float = 0.0
+    ) -> None:
         self.problem = problem
         self.scan = scan
         self.progress = progress
         self.store = store or Store(None)
+        self.least = least
         self.competition = Competition(problem)
         self._columns: list[Column] = []  # at the base model
 
@@ -83,7 +98,7 @@ class Selector:
                 break
             trail = [(s.term, s.gain) for s in so_far.selected]
             stage = f"selection-{len(so_far.ranking) + 1}"
-            so_far = self.store.remember(stage, (basis, trail), partial(self.round, so_far))
+            so_far = self.store.remember(stage, (basis, self.least, trail), partial(self.round, so_far))
             self.scan.probe, self.scan.indistinguishable = dict(so_far.probes), dict(so_far.indistinguishable)
         return so_far
 
@@ -99,7 +114,8 @@ class Selector:
         probes, indistinguishable = dict(self.scan.probe), dict(self.scan.indistinguishable)
         so_far = replace(so_far, ranking=ranking, probes=probes, indistinguishable=indistinguishable)
         if winner is None:
-            return replace(so_far, done=True)
+            spread = not so_far.selected and not self.promises(best, ranked)
+            return replace(so_far, done=True, spread=spread)
         again = self.without_last(best, winner)
         if again is not None and again.cost < best.cost:
             self.progress("the last fit had not come to its end")
@@ -148,12 +164,27 @@ class Selector:
             if not active:
                 self._columns = columns
             ranked = scores(self.problem, best, columns)
+            if not active and not self.promises(best, ranked):
+                return ranked, {}, None
             own = [s for s in ranked if s.term.name not in self.scan.indistinguishable]  # not fitted twice
             found = self.competition.fits(best, own, thresholds.RIVAL * thresholds.EVIDENCE)
             winner = min(found.values(), key=lambda f: f.cost, default=None)
             if winner is not None and best.cost - winner.cost >= thresholds.EVIDENCE:
                 return ranked, found, winner
         return ranked, found, None
+
+    def promises(self, best: Fit, ranked: Sequence[Score]) -> bool:
+        """Whether some term alone would take `least` of what a fit leaves above noise."""
+        return self._promised(best, ranked) >= self.least
+
+    def promised(self, best: Fit) -> float:
+        """Share of what a fit leaves above noise that a term which acts for the whole time would take."""
+        ranked = scores(self.problem, best, self.scan.columns(best))
+        return self._promised(best, [s for s in ranked if not s.term.episode])
+
+    def _promised(self, best: Fit, ranked: Sequence[Score]) -> float:
+        above = best.chi2 - self.problem.samples
+        return max((s.gain for s in ranked), default=0.0) / max(above, 1e-9)
 
     def in_every_unit(self, winner: Fit) -> Fit:
         """Where the last term is as large as it can be, the same term also in the unit that responds alike.

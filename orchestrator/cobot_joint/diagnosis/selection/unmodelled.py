@@ -52,10 +52,13 @@ class Place:
     choice: Choice[Product] | None
 
 
-def look_for_unmodelled(problem: Problem, calibrated: Fit, listed: Selection, say: Say) -> Unmodelled | None:
+def look_for_unmodelled(
+    problem: Problem, calibrated: Fit, listed: Selection, say: Say, least: float = 0.0
+) -> Unmodelled | None:
     """None: the list explains what there is, or no form at any port does better.
 
     First alone: a form that explains all of it makes listed terms patches. Else beside listed terms that do most of it.
+    least: share of what is above noise that the first forms at a port have to promise together.
     """
     before, left = problem.excess(calibrated.residual), problem.excess(listed.fit.residual)
     terms = len(listed.selected)
@@ -63,13 +66,13 @@ def look_for_unmodelled(problem: Problem, calibrated: Fit, listed: Selection, sa
     if left < thresholds.CLEARLY_LEFT * problem.excess_scatter or explained:
         return None
     say("looking for an effect that is on no list, port by port")
-    alone = _look(problem, calibrated, [], say)
+    alone = _look(problem, calibrated, [], say, least)
     if terms and left < thresholds.TERMS_STAND * before:
         return alone if alone is not None and _worth_more(problem, alone, before, left, terms) else None
     if alone is not None and (alone.taken > thresholds.ALONE or not terms):
         return alone
     if left < (1 - thresholds.HOLDS) * before:
-        beside = _look(problem, listed.fit, listed.selected, say)
+        beside = _look(problem, listed.fit, listed.selected, say, least)
         if beside is not None:
             return beside
     return alone if alone is not None and alone.finding.gain > calibrated.cost - listed.fit.cost else None
@@ -90,9 +93,11 @@ def _worth_more(problem: Problem, alone: Unmodelled, before: float, left: float,
     return left * terms > rest * freedom
 
 
-def _look(problem: Problem, start: Fit, selected: list[Selected], say: Say) -> Unmodelled | None:
+def _look(problem: Problem, start: Fit, selected: list[Selected], say: Say, least: float = 0.0) -> Unmodelled | None:
     """The best port and form beside the terms of `start`; None: nothing takes HOLDS of what it leaves."""
-    places = _places(problem, start)
+    places = _places(problem, start, least)
+    if not places:
+        return None
     answer = partial(_answer, problem, start, selected)
     best = max((p.choice for p in places if p.choice), key=lambda choice: choice.gain, default=None)
     found = answer(best) if best else None
@@ -118,8 +123,11 @@ def _much_better(other: Unmodelled, than: Unmodelled | None) -> bool:
     return 1 - other.taken < (1 - (than.taken if than else 0.0)) / thresholds.TIMES_LESS
 
 
-def _places(problem: Problem, start: Fit) -> list[Place]:
-    """Those to which the residual points first: a few forms are tried at every port, all of them at the first ones."""
+def _places(problem: Problem, start: Fit, least: float) -> list[Place]:
+    """Those to which the residual points first: a few forms are tried at every port, all of them at the first ones.
+
+    Empty: the few forms of no port take `least` together.
+    """
     structure, places = max(problem.excess(start.residual), 1e-9), []
     dictionaries = {}
     for port in problem.plant.ports:
@@ -129,6 +137,8 @@ def _places(problem: Problem, start: Fit) -> list[Place]:
             points = Projection(start, [c.vector for c in columns]).gain(range(len(columns)))[0]
             places.append(Place(port, points, columns, forward(problem, start, columns)))
     places = _distinguishable(sorted(places, key=lambda place: -place.points))
+    if max((p.points for p in places), default=0.0) < least * (start.chi2 - problem.samples):
+        return []
     if any(p.choice is not None and p.choice.gain > thresholds.ENOUGH * structure for p in places):
         return places
     for place in places[:2]:

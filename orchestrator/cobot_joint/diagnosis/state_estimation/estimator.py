@@ -146,6 +146,8 @@ class StateEstimator:
     def smooth(self, tracked: Tracked) -> Smoothed:
         """States and latent forces given the whole recording."""
         found = backward(tracked.steps, tracked.filtered)
+        assert found.smoothed is not None
+        assert found.variance is not None
         z = found.smoothed + tracked.reference
         return Smoothed(z[:, self.x], z[:, self.d], np.sqrt(found.variance[:, self.d]))
 
@@ -156,7 +158,7 @@ class StateEstimator:
         where the likelihood L is largest, q = q sum(a^2)/sum(M), which is iterated.
         """
         steps = tracked.steps[rows]
-        found = backward(steps, self._filter(steps, tracked.recording.step))
+        found = backward(steps, self._filter(steps, tracked.recording.step), states=False)
         pull, certain = np.sum(found.a[1:, self.d] ** 2, axis=0), np.sum(found.M[1:, self.d], axis=0)
         gain = np.divide(pull, certain, out=np.zeros_like(pull), where=certain > SILENT * pull)
         factors = np.clip(gain, *CHANGE) ** (FASTER / 2)

@@ -11,48 +11,61 @@
  * 1977, IEEE Trans. Automatic Control 22(3)): impacts are linear only until they happen. */
 #define FAR 6.0
 
-/* C = A B, or A B' */
+/* C = A B */
 static void product(size_t n, const double *A, const double *B, double *C) {
   memset(C, 0, n * n * sizeof *C);
   for (size_t i = 0; i < n; i++)
     for (size_t k = 0; k < n; k++) {
       const double a = A[i * n + k];
-      if (a == 0) continue; /* a third of a transition, and more */
+      if (a == 0) continue; /* more than half of a transition */
       for (size_t j = 0; j < n; j++) C[i * n + j] += a * B[k * n + j];
     }
 }
 
-static void product_transposed(size_t n, const double *A, const double *B, double *C) {
+static void transpose(size_t n, const double *A, double *C) {
   for (size_t i = 0; i < n; i++)
-    for (size_t j = 0; j < n; j++) {
-      double sum = 0;
-      for (size_t k = 0; k < n; k++) sum += A[i * n + k] * B[j * n + k];
-      C[i * n + j] = sum;
-    }
+    for (size_t j = 0; j < n; j++) C[j * n + i] = A[i * n + j];
 }
 
+/* P = A P A' of a symmetric P; the zeros of A save twice as A (A P)'. work: 2 n^2 */
+static void congruence(size_t n, const double *A, double *P, double *work) {
+  double *one = work, *other = work + n * n;
+  product(n, A, P, one);
+  transpose(n, one, other);
+  product(n, A, other, P);
+}
+
+/* what a loop over the lower triangle left, above it as well */
+static void mirror(size_t n, double *A) {
+  for (size_t i = 0; i < n; i++)
+    for (size_t j = 0; j < i; j++) A[j * n + i] = A[i * n + j];
+}
+
+/* four sums side by side: additions need not wait for one another */
 static double dot(size_t n, const double *a, const double *b) {
-  double sum = 0;
-  for (size_t i = 0; i < n; i++) sum += a[i] * b[i];
-  return sum;
+  double sum[4] = {0, 0, 0, 0};
+  size_t i = 0;
+  for (; i + 4 <= n; i += 4)
+    for (size_t j = 0; j < 4; j++) sum[j] += a[i + j] * b[i + j];
+  for (; i < n; i++) sum[0] += a[i] * b[i];
+  return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
 /* z = F (z + jump), P = F P F' + Q */
 static void predict(size_t N, const double *F, const double *jump, const double *Q, double *z, double *P,
                     double *work) {
-  double *moved = work + N * N;
+  double *moved = work + 2 * N * N;
   for (size_t i = 0; i < N; i++) z[i] += jump[i];
   for (size_t i = 0; i < N; i++) moved[i] = dot(N, F + i * N, z);
   memcpy(z, moved, N * sizeof *z);
-  product(N, F, P, work);
-  product_transposed(N, work, F, P);
+  congruence(N, F, P, work);
   for (size_t i = 0; i < N; i++) P[i * N + i] += Q[i];
 }
 
 int kalman_forward(const KalmanSteps *steps, const double *Q, const double *R, int begins, double *z, double *P,
                    KalmanFiltered *out) {
   const size_t n = steps->n, m = steps->m, N = steps->N;
-  double *work = malloc((N * N + 2 * N + 1) * sizeof *work), *Ph = work ? work + N * N + N : NULL;
+  double *work = malloc((2 * N * N + 2 * N + 1) * sizeof *work), *Ph = work ? work + 2 * N * N + N : NULL;
   if (!work) return -1;
   out->log_likelihood = 0;
   for (size_t k = 0; k < n; k++) {
@@ -78,7 +91,8 @@ int kalman_forward(const KalmanSteps *steps, const double *Q, const double *R, i
         z[i] += K[i] * e;
       }
       for (size_t i = 0; i < N; i++)
-        for (size_t l = 0; l <= i; l++) P[i * N + l] = P[l * N + i] = P[i * N + l] - K[i] * Ph[l];
+        for (size_t l = 0; l <= i; l++) P[i * N + l] -= K[i] * Ph[l];
+      mirror(N, P);
     }
     memcpy(out->updated + k * N, z, N * sizeof *z);
   }
@@ -94,35 +108,37 @@ static void take_in(size_t N, const double *h, const double *K, double e, double
   const double pull = e * precision - dot(N, K, a), weight = precision + dot(N, K, MK);
   for (size_t i = 0; i < N; i++) a[i] += h[i] * pull;
   for (size_t i = 0; i < N; i++)
-    for (size_t l = 0; l <= i; l++)
-      M[i * N + l] = M[l * N + i] = M[i * N + l] + weight * h[i] * h[l] - h[i] * MK[l] - MK[i] * h[l];
+    for (size_t l = 0; l <= i; l++) M[i * N + l] += weight * h[i] * h[l] - h[i] * MK[l] - MK[i] * h[l];
+  mirror(N, M);
 }
 
 int kalman_backward(const KalmanSteps *steps, const KalmanFiltered *in, double *a_out, double *M_out, double *smoothed,
                     double *variance) {
   const size_t n = steps->n, m = steps->m, N = steps->N;
-  double *work = calloc(3 * N * N + 2 * N + 1, sizeof *work);
+  double *work = calloc(4 * N * N + 2 * N + 1, sizeof *work);
   if (!work) return -1;
-  double *M = work, *product_of = work + N * N, *F_transposed = work + 2 * N * N, *a = work + 3 * N * N, *MK = a + N;
+  double *M = work, *F_transposed = work + N * N, *room = work + 2 * N * N, *a = work + 4 * N * N, *MK = a + N;
   for (size_t k = n; k-- > 0;) {
     const double *P = in->P + k * N * N, *F = steps->F + k * N * N;
     for (size_t j = m; j-- > 0;) {
       const size_t at = k * m + j;
       if (in->precision[at] > 0) take_in(N, steps->H + at * N, in->K + at * N, in->e[at], in->precision[at], a, M, MK);
     }
-    product(N, P, M, product_of); /* z = z_predicted + P a, cov z = P - P M P */
+    if (smoothed) { /* z = z_predicted + P a, cov z = P - P M P */
+      product(N, P, M, room);
+      for (size_t i = 0; i < N; i++) {
+        smoothed[k * N + i] = in->predicted[k * N + i] + dot(N, P + i * N, a);
+        variance[k * N + i] = fmax(0, P[i * N + i] - dot(N, room + i * N, P + i * N));
+      }
+    }
     for (size_t i = 0; i < N; i++) {
-      smoothed[k * N + i] = in->predicted[k * N + i] + dot(N, P + i * N, a);
-      variance[k * N + i] = fmax(0, P[i * N + i] - dot(N, product_of + i * N, P + i * N));
       a_out[k * N + i] = a[i];
       M_out[k * N + i] = M[i * N + i];
     }
-    for (size_t i = 0; i < N; i++)
-      for (size_t l = 0; l < N; l++) F_transposed[i * N + l] = F[l * N + i];
+    transpose(N, F, F_transposed);
     for (size_t i = 0; i < N; i++) MK[i] = dot(N, F_transposed + i * N, a);
     memcpy(a, MK, N * sizeof *a);
-    product(N, F_transposed, M, product_of);
-    product_transposed(N, product_of, F_transposed, M);
+    congruence(N, F_transposed, M, room);
   }
   free(work);
   return 0;

@@ -23,7 +23,7 @@ typedef struct { /* of channels one after the other; precision: 1/variance of an
 /* Q: [N], R: [m]; z: [N] and P: [N][N] are moved on. begins: z and P belong to the first sample, nothing moves before it */
 KALMAN_API int kalman_forward(const KalmanSteps *steps, const double *Q, const double *R, int begins, double *z,
                               double *P, KalmanFiltered *out);
-/* all [n][N] */
+/* all [n][N]; smoothed and variance: both NULL where not asked for */
 KALMAN_API int kalman_backward(const KalmanSteps *steps, const KalmanFiltered *in, double *a, double *M,
                                double *smoothed, double *variance);
 /* psi: [n - 1][n_x][p], added to the first n_x deviations from sample to sample; direct: [n][m][p]; innovations: [n][m][p] */

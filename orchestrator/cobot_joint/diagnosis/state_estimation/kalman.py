@@ -67,13 +67,13 @@ class Adjoint:
     a = H' S^-1 e + G' a+,  M = H' S^-1 H + G' M+ G,  z = z_predicted + P a,  cov z = P - P M P
 
     a: (n, N); M: its covariance where the model holds, the diagonal, (n, N); smoothed: deviations given all samples,
-    (n, N); variance: theirs, (n, N).
+    (n, N); variance: theirs, (n, N); None where not asked for.
     """
 
     a: Array
     M: Array
-    smoothed: Array
-    variance: Array
+    smoothed: Array | None
+    variance: Array | None
 
 
 class _Steps(ctypes.Structure):
@@ -101,12 +101,14 @@ def forward(steps: Steps, Q: Array, R: Array, z: Array, P: Array, begins: bool =
     return Filtered(**{**found.__dict__, "log_likelihood": float(out.log_likelihood)})
 
 
-def backward(steps: Steps, found: Filtered) -> Adjoint:
-    """The smoother over what the filter has found."""
+def backward(steps: Steps, found: Filtered, states: bool = True) -> Adjoint:
+    """The smoother over what the filter has found. states: whether deviations and their variances are asked for."""
     arrays = _contiguous(steps)
-    out = Adjoint(*(np.empty_like(found.predicted) for _ in range(4)))
+    a, M = np.empty_like(found.predicted), np.empty_like(found.predicted)
+    out = Adjoint(a, M, np.empty_like(a) if states else None, np.empty_like(a) if states else None)
     _check(_typed_library().kalman_backward(
-        ctypes.byref(_steps(arrays)), ctypes.byref(_filtered(found)), *(x.ctypes.data for x in out.__dict__.values())
+        ctypes.byref(_steps(arrays)), ctypes.byref(_filtered(found)),
+        *(None if x is None else x.ctypes.data for x in out.__dict__.values()),
     ))  # fmt: skip
     return out
 

@@ -15,7 +15,7 @@ from cobot_joint.diagnosis.frequency import Progress, Reading, Response, diagnos
 from cobot_joint.diagnosis.plant.frequency_plant import CHANNEL
 from cobot_joint.diagnosis.repair.export import write_repair
 from cobot_joint.diagnosis.repair.verify import write_json
-from cobot_joint.diagnosis.report.report import verdict_sentence
+from cobot_joint.diagnosis.report.headline import verdict_sentence
 from cobot_joint.diagnosis.report.words import spoken
 from cobot_joint.diagnosis.run import Outcome, term_texts
 from cobot_joint.diagnosis.store import Store

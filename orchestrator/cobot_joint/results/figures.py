@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 # Okabe and Ito's palette, which colour-blind people can tell apart
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+# what a curve is, wherever it is drawn: on white and on black
+COLOUR = {"recorded": "#808080", "nominal": COLOURS[3], "calibrated": COLOURS[1], "repaired": COLOURS[0]}
 PANEL, MARGIN = 260, 120  # px
 
 

@@ -12,7 +12,8 @@ from lxml import html
 from cobot_joint.diagnosis.data.conditioning import assess
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.repair.compare import VARIANTS, compare
-from cobot_joint.diagnosis.report.report import ReportData, TermText, number, percent, render, write_report
+from cobot_joint.diagnosis.report.headline import TermText, number, percent
+from cobot_joint.diagnosis.report.report import ReportData, render, write_report
 
 T = np.arange(3000) * 1e-3
 FINDING = {

@@ -1,0 +1,151 @@
+"""Recorded over simulated: every channel of a recording, what is left of it below, and the stretch that tells most."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+from numpy.typing import NDArray
+from plotly.subplots import make_subplots
+
+from cobot_joint.diagnosis.data.conditioning import ChannelQuality
+from cobot_joint.diagnosis.repair.compare import Comparison, strongest_window
+from cobot_joint.diagnosis.report.pictures import Picture, as_html
+from cobot_joint.results.figures import COLOUR
+
+BINS = 500  # per curve: least and greatest of each bin, so that no spike is lost
+ZOOM = 2.0  # s
+AVERAGED = 25  # samples, odd
+LINE = {"recorded": (3.0, "solid"), "nominal": (1.2, "dot"), "calibrated": (1.4, "dash"), "repaired": (1.4, "solid")}
+SIGNAL, LEFT = 150, 90  # px of a channel's two panels
+ROLES = {"holdout": "held out", "train": "training"}
+Array = NDArray[np.float64]
+
+
+def held_out_first(compared: Sequence[Comparison], noise: Mapping[str, float]) -> Comparison | None:
+    """The recording that shows best what a repair does: a held-out one where there is one. None: none is there."""
+    candidates = [c for c in compared if c.recording.role == "holdout"] or list(compared)
+    return max(candidates, key=lambda c: max(gain(c, n, noise[n]) for n in c.recording.outputs), default=None)
+
+
+def before_after(c: Comparison, noise: Mapping[str, float], units: Mapping[str, str], repaired: bool) -> Picture:
+    """Where the repair gains most: the channel in which, and the seconds. repaired: there is something to show."""
+    channel = max(c.recording.outputs, key=lambda n: gain(c, n, noise[n]))
+    shown = ("recorded", "calibrated", "repaired") if repaired else ("recorded", "calibrated")
+    window = None if c.recording.scatter else strongest_window(c, channel, ZOOM)
+    figure = overlay(c, [channel], noise, units, window, shown)
+    figure.update_layout(height=360)
+    said = "Held-out run, which nothing was fitted to" if c.recording.role == "holdout" else "Training run"
+    stretch = "" if window is None else f", {window[0]:.1f} to {window[1]:.1f} s"
+    words = f"{said}: {c.recording.name}{stretch}, where the difference is largest."
+    return Picture("Before and after" if repaired else "Recorded and simulated", words, as_html(figure))
+
+
+def whole(c: Comparison, quality: Mapping[str, ChannelQuality], units: Mapping[str, str]) -> Picture:
+    """All channels over all of a recording."""
+    noise = {name: quality[name].noise for name in c.recording.outputs}
+    averages = {
+        name: 2 * float(np.sqrt((1 + q.colour) / (1 - q.colour) / AVERAGED))
+        for name, q in quality.items()
+        if name in noise
+    }
+    averages = {} if c.recording.scatter else averages
+    figure = overlay(c, list(c.recording.outputs), noise, units, band=averages)
+    figure.update_layout(height=90 + (SIGNAL + LEFT) * len(noise))
+    words = "Below each channel what is left, recorded − simulated, over the noise; the band is ±2 sigma of noise alone."
+    if not c.recording.scatter:
+        words = words.replace("over the noise", f"over the noise, averaged over {AVERAGED} samples")
+    return Picture(f"{c.recording.name} ({ROLES[c.recording.role]})", words, as_html(figure))
+
+
+def overlay(
+    c: Comparison,
+    channels: Sequence[str],
+    noise: Mapping[str, float],
+    units: Mapping[str, str],
+    window: tuple[float, float] | None = None,
+    shown: Sequence[str] = tuple(COLOUR),
+    band: Mapping[str, float] | None = None,
+) -> go.Figure:
+    """Per channel recorded and simulated, and the residual over noise. band: half widths; given: residuals averaged."""
+    table = bool(c.recording.scatter)
+    inside = _inside(c, window)
+    x = np.flatnonzero(inside).astype(float) if table else c.recording.time[inside]
+    x = np.arange(1.0, len(x) + 1) if table else x
+    figure = make_subplots(
+        rows=2 * len(channels), shared_xaxes=True, vertical_spacing=0.12 / (2 * len(channels)),
+        row_heights=[SIGNAL, LEFT] * len(channels),
+    )  # fmt: skip
+    for n, channel in enumerate(channels):
+        row = 2 * n + 1
+        for source in shown:
+            y = c.recording.outputs[channel] if source == "recorded" else c.simulated[source][channel]
+            _curve(figure, row, source, x, y[inside], points=table and source == "recorded", legend=n == 0)
+            if source != "recorded":
+                left = c.residual(source, channel) / (noise[channel] or np.nan)
+                left = moving_average(left) if band else left
+                _curve(figure, row + 1, source, x, left[inside], points=table, legend=False)
+        half = (band or {}).get(channel, 2.0)
+        figure.add_hrect(y0=-half, y1=half, fillcolor="#808080", opacity=0.25, line_width=0, row=row + 1, col=1)
+        figure.update_yaxes(title_text=f"{channel}<br>[{units.get(channel) or '1'}]", row=row, col=1)
+        figure.update_yaxes(title_text="left<br>[sigma]", row=row + 1, col=1)
+    figure.update_xaxes(title_text="row of the table" if table else "time [s]", row=2 * len(channels), col=1)
+    return figure
+
+
+def _curve(figure: go.Figure, row: int, source: str, x: Array, y: Array, *, points: bool, legend: bool) -> None:
+    width, dash = LINE[source]
+    t, v = (x, y) if points else envelope(x, y)
+    figure.add_scatter(
+        x=t, y=v, name=source, legendgroup=source, showlegend=legend, mode="markers" if points else "lines",
+        line={"color": COLOUR[source], "width": width, "dash": dash}, marker={"color": COLOUR[source], "size": 5},
+        visible="legendonly" if source == "nominal" else True, row=row, col=1,
+    )  # fmt: skip
+
+
+def _inside(c: Comparison, window: tuple[float, float] | None) -> NDArray[np.bool_]:
+    """Samples to draw: of a table its rows, of a run those of the window."""
+    if c.recording.scatter:
+        return np.any([np.isfinite(y) for y in c.recording.outputs.values()], axis=0)
+    start, stop = window or (-np.inf, np.inf)
+    return (c.recording.time >= start) & (c.recording.time <= stop)
+
+
+def gain(c: Comparison, channel: str, noise: float) -> float:
+    """Squared error, over noise, that the repair removes; without one, that there is."""
+    if not noise or not np.isfinite(c.recording.outputs[channel]).any():
+        return 0.0
+    before = np.nanmean(c.residual("calibrated", channel) ** 2)
+    after = np.nanmean(c.residual("repaired", channel) ** 2) if "repaired" in c.simulated else 0.0
+    return float((before - after) / noise**2)
+
+
+def moving_average(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Over AVERAGED samples, centred; NaN where one of them was not recorded."""
+    if len(x) < AVERAGED:
+        return x
+    total = np.concatenate([[0.0], np.cumsum(np.nan_to_num(x))])
+    lost = np.concatenate([[0], np.cumsum(~np.isfinite(x))])
+    mean = (total[AVERAGED:] - total[:-AVERAGED]) / AVERAGED
+    mean[lost[AVERAGED:] > lost[:-AVERAGED]] = np.nan
+    half = AVERAGED // 2
+    return np.concatenate([np.full(half, np.nan), mean, np.full(len(x) - len(mean) - half, np.nan)])
+
+
+def envelope(
+    t: NDArray[np.float64], x: NDArray[np.float64], bins: int = BINS
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """At most 2*bins points through the least and the greatest of each bin."""
+    if len(x) <= 2 * bins:
+        return t, x
+    size = -(-len(x) // bins)
+    index = []
+    for start in range(0, len(x), size):
+        part = x[start : start + size]
+        if np.isfinite(part).any():
+            index += sorted({start + int(np.nanargmin(part)), start + int(np.nanargmax(part))})
+        else:
+            index.append(start)  # a gap stays a gap
+    return t[index], x[index]

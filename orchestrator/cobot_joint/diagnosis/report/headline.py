@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cobot_joint.diagnosis.repair.gate import removed
+from cobot_joint.diagnosis.report.words import load_history
 from cobot_joint.diagnosis.selection.confidence import confidence, counted
 
 Json = Mapping[str, Any]
@@ -65,11 +66,19 @@ def how_large(f: Json, terms: Mapping[str, TermText]) -> list[str]:
     known = terms.get(f["term"], TermText("")).parameters
     said = []
     for name, p in f.get("parameters", {}).items():
-        unit = "" if p["unit"] in ("", "1") else f" {p['unit']}"
-        interval = f" ({number(p['ci95'][0])} to {number(p['ci95'][1])})" if p.get("ci95") else ""
+        unit = "" if p["unit"] in ("", "1") else f" {pretty_unit(p['unit'])}"
+        interval = " ({} to {})".format(*interval_of(*p["ci95"])) if p.get("ci95") else ""
         said.append(f"{known.get(name) or name}: {number(p['value'])}{unit}{interval}")
-    if f.get("shape"):
-        said.append(f"it explains {percent(min(f['shape'].get('explains') or 0.0, 1.0))} of what was left")
+    if history := load_history(f.get("load_history")):
+        said.append(history)
+    if shape := f.get("shape"):
+        table = shape.get("table")
+        size = (
+            f"up to {number(max(map(abs, table['value'])))} {pretty_unit(shape['unit'])}" if table else shape["formula"]
+        )
+        said.append(
+            f"{size} at {shape['port']}; explains {percent(min(shape.get('explains') or 0.0, 1.0))} of what was left"
+        )
     return said
 
 
@@ -82,7 +91,7 @@ def errors(d: Json, units: Mapping[str, str]) -> list[str]:
             continue
         before, after, unit = c[role]["calibrated"], c[role]["repaired"], units.get(name) or ""
         change = f"{number(before)} → {number(after)}" if d["findings"] else number(before)
-        said.append(f"{name}: {change} {'' if unit == '1' else unit}, noise {number(c['noise'])}")
+        said.append(f"{name}: {change} {'' if unit == '1' else pretty_unit(unit)}, noise {number(c['noise'])}")
     return said
 
 
@@ -104,7 +113,10 @@ def how_sure(f: Json, d: Json) -> str:
     (low, high), findings, right = counted(given)
     if not findings:
         return f"{said}; no finding as sure as this has been counted"
-    return f"{said}; of {findings} findings given {low:g} to {min(high, 1):g} on drawn machines with known answers {right} were right"
+    return (
+        f"{said}; of {findings} findings given {100 * low:.0f} to {100 * min(high, 1):.0f} % on drawn machines with "
+        f"known answers {right} were right"
+    )
 
 
 def next_step(d: Json) -> str:
@@ -133,6 +145,17 @@ def title_of(term: str, terms: Mapping[str, TermText]) -> str:
 def first_clause(description: str | None) -> str:
     """`time constant` of `time constant, 1/(2 pi f_c); 0: no filter`"""
     return re.split(r"[,;:(]", description or "")[0].strip()
+
+
+def interval_of(lower: float, upper: float) -> tuple[str, str]:
+    """Both ends, with as many digits as it takes to tell them apart, up to six."""
+    digits = next((n for n in range(3, 6) if number(lower, n) != number(upper, n)), 6)
+    return number(lower, digits), number(upper, digits)
+
+
+def pretty_unit(unit: str) -> str:
+    """`kg.m2` as kg.m²"""
+    return re.sub(r"(?<=[A-Za-z])\d", lambda digit: "⁰¹²³⁴⁵⁶⁷⁸⁹"[int(digit[0])], unit)
 
 
 def number(x: float | None, digits: int = 3) -> str:

@@ -117,7 +117,9 @@ def time_picture(c: Comparison, changes: Sequence[Mapping[str, Any]], noise: Map
         for change in changes:
             if (change["recording"], change["channel"]) == (c.recording.name, channel):
                 dash = "dot" if change["driven"] else "solid"
-                figure.add_vline(x=change["time"], line={"color": COLOUR["recorded"], "width": 1, "dash": dash}, row=row, col=1)
+                figure.add_vline(
+                    x=change["time"], line={"color": COLOUR["recorded"], "width": 1, "dash": dash}, row=row, col=1
+                )
         figure.update_yaxes(type="log", title_text=f"{channel}<br>chi-square [1]", row=row, col=1)
     figure.update_xaxes(title_text="time [s]", row=len(channels), col=1)
     figure.update_layout(height=100 + 110 * len(channels))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -19,7 +18,7 @@ BINS = 500  # per curve: least and greatest of each bin, so that no spike is los
 ZOOM = 2.0  # s
 AVERAGED = 25  # samples, odd
 LINE = {"recorded": (3.0, "solid"), "nominal": (1.2, "dot"), "calibrated": (1.4, "dash"), "repaired": (1.4, "solid")}
-SIGNAL, LEFT = 150, 90  # px of a channel's two panels
+SIGNAL, LEFT = 140, 90  # px of a channel's two panels
 ROLES = {"holdout": "held out", "train": "training"}
 Array = NDArray[np.float64]
 
@@ -54,9 +53,9 @@ def whole(c: Comparison, quality: Mapping[str, ChannelQuality], units: Mapping[s
     averages = {} if c.recording.scatter else averages
     figure = overlay(c, list(c.recording.outputs), noise, units, band=averages)
     figure.update_layout(height=90 + (SIGNAL + LEFT) * len(noise))
-    words = "Below each channel what is left, recorded − simulated, over the noise; the band is ±2 sigma of noise alone."
-    if not c.recording.scatter:
-        words = words.replace("over the noise", f"over the noise, averaged over {AVERAGED} samples")
+    words = f"Set-up {c.recording.setup}." + (
+        "" if c.recording.scatter else f" What is left: averages of {AVERAGED} samples."
+    )
     return Picture(f"{c.recording.name} ({ROLES[c.recording.role]})", words, as_html(figure))
 
 
@@ -90,13 +89,13 @@ def overlay(
         half = (band or {}).get(channel, 2.0)
         figure.add_hrect(y0=-half, y1=half, fillcolor="#808080", opacity=0.25, line_width=0, row=row + 1, col=1)
         figure.update_yaxes(title_text=f"{channel}<br>[{units.get(channel) or '1'}]", row=row, col=1)
-        figure.update_yaxes(title_text="left<br>[sigma]", row=row + 1, col=1)
+        figure.update_yaxes(title_text="left [σ]", row=row + 1, col=1)
     figure.update_xaxes(title_text="row of the table" if table else "time [s]", row=2 * len(channels), col=1)
     return figure
 
 
 def _curve(figure: go.Figure, row: int, source: str, x: Array, y: Array, *, points: bool, legend: bool) -> None:
-    width, dash = LINE[source]
+    width, dash = LINE[source] if row % 2 else (1.0, "solid")
     t, v = (x, y) if points else envelope(x, y)
     figure.add_scatter(
         x=t, y=v, name=source, legendgroup=source, showlegend=legend, mode="markers" if points else "lines",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ import plotly.offline
 from plotly.subplots import make_subplots
 
 from cobot_joint.diagnosis.repair.compare import VARIANTS
-from cobot_joint.results.figures import COLOUR, COLOURS
+from cobot_joint.results.figures import COLOUR, COLOURS, Panel
 
 HEIGHT = 330  # px
 
@@ -85,6 +86,25 @@ def _decades(d: Mapping[str, Any]) -> tuple[float, float]:
     return float(np.log10(0.7)), float(np.log10(worst) * 1.08 + 0.1)
 
 
+def of_panels(panels: Sequence[Panel], x_label: str, title: str, words: str) -> Picture:
+    """Curves over a logarithmic axis; one that has a name of COLOUR has its colour."""
+    figure = make_subplots(rows=len(panels), shared_xaxes=True, vertical_spacing=0.06)
+    others = cycle(COLOURS)
+    for row, panel in enumerate(panels, 1):
+        for curve in panel.curves:
+            mode = "markers" if curve.style == "markers" else "lines+markers"
+            figure.add_scatter(
+                x=curve.x, y=curve.y, name=curve.label, legendgroup=curve.label, mode=mode, row=row, col=1,
+                marker={"color": COLOUR.get(curve.label) or next(others), "size": 5 if mode == "markers" else 3},
+                showlegend=not any(curve.label == c.label for p in panels[: row - 1] for c in p.curves),
+            )  # fmt: skip
+        figure.update_yaxes(title_text=panel.y_label.replace(" [", "<br>["), row=row, col=1)
+    figure.update_xaxes(type="log")
+    figure.update_xaxes(title_text=x_label, row=len(panels), col=1)
+    figure.update_layout(height=130 + 130 * len(panels))
+    return Picture(title, words, as_html(figure))
+
+
 def shape_picture(f: Mapping[str, Any]) -> Picture:
     """An unlisted effect's table: what has to be added at the port, over the signal on which it depends."""
     shape = f["shape"]
@@ -102,7 +122,9 @@ def load_picture(f: Mapping[str, Any]) -> Picture:
     figure = go.Figure(
         [go.Scatter(x=[0, *c["t"]], y=[0, *c["value"]], name=name) for name, c in history["recordings"].items()]
     )
-    figure.update_layout(colorway=COLOURS, height=300, xaxis_title="time [s]", yaxis_title=f"{history['port']} [{history['unit']}]")
+    figure.update_layout(
+        colorway=COLOURS, height=300, xaxis_title="time [s]", yaxis_title=f"{history['port']} [{history['unit']}]"
+    )
     words = f"What acted at {history['port']} while these recordings were made. It is in no repaired system."
     return Picture(f"Loads of {f['term']}", words, as_html(figure))
 
@@ -119,6 +141,4 @@ def as_html(figure: go.Figure) -> str:
     )
     content = figure.to_json().replace("</", "<\\/")
     height = figure.layout.height or HEIGHT
-    return (
-        f'<div class="plot" style="height:{height}px"></div><script type="application/json">{content}</script>'
-    )
+    return f'<div class="plot" style="height:{height}px"></div><script type="application/json">{content}</script>'

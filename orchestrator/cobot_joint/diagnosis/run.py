@@ -26,7 +26,7 @@ from cobot_joint.diagnosis.state_estimation.noise import noise_of
 from cobot_joint.diagnosis.state_estimation.prediction import predicted_figures
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.errors import UserError, among
-from cobot_joint.files import write_atomically
+from cobot_joint.files import relative, write_atomically
 from cobot_joint.system.model import System
 from cobot_joint.version import __version__
 
@@ -65,7 +65,8 @@ def diagnose_campaign(
     compared = compare_systems(campaign, campaign.recordings, out, calibrated, loads)
     diagnosis.channels = channels(compared, quality)
     judge(diagnosis, lambda: anchored(campaign, out, calibrated, say))
-    content = spoken(diagnosis.to_json()) | {"exported": exported(out, campaign.setups)}
+    content = spoken(diagnosis.to_json())
+    content |= {"exported": exported(out, campaign.setups), "campaign": relative(campaign.path, out)}
     say("reporting")
     texts = term_texts(systems)
     nominal = nominal_values(systems, [*diagnosis.repaired, *campaign.tolerances])

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import copy
 import json
-import os
+import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from cobot_joint.diagnosis.repair.repair import repair
-from cobot_joint.files import results_folder, write_atomically
+from cobot_joint.files import relative, results_folder, write_atomically
 from cobot_joint.live.what_if import WhatIf
 
 FOLDER = "live"  # in that of the results
@@ -44,23 +44,17 @@ def save_campaign(results: WhatIf, moved: Mapping[str, float]) -> tuple[Path, li
     given["title"] = f"{given.get('title', results.campaign.title)}, from the live page"
     beside = results.campaign.path.parent
     for recording in given.get("recording", ()):
-        recording["file"] = _relative(beside / recording["file"], out)
+        files = recording["file"]
+        several = [relative(beside / file, out) for file in ([files] if isinstance(files, str) else files)]
+        recording["file"] = several[0] if isinstance(files, str) else several
     if (system := given.get("system")) and (beside / str(system)).is_file():
-        given["system"] = _relative(beside / system, out)
+        given["system"] = relative(beside / system, out)
     path = out / "campaign.toml"
     text = toml(given)
     write_atomically(path, lambda file: file.write_text(text, encoding="utf-8"))
     left = [f["term"] for f in results.diagnosis["findings"] if f.get("shape") or f.get("load_history")]
     left += [f"{f['term']}'s onset" for f in results.diagnosis["findings"] if f.get("onset") is not None]
     return path, left
-
-
-def _relative(file: Path, folder: Path) -> str:
-    """As a campaign in that folder names it; on another drive there is only the whole path."""
-    try:
-        return Path(os.path.relpath(file, folder)).as_posix()
-    except ValueError:
-        return file.resolve().as_posix()
 
 
 def toml(content: Mapping[str, Any]) -> str:
@@ -84,7 +78,7 @@ def _are_tables(value: Any) -> bool:
 
 
 def _key(name: str) -> str:
-    return json.dumps(name, ensure_ascii=False)
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)
 
 
 def _value(value: Any) -> str:

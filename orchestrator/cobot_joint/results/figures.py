@@ -111,13 +111,13 @@ def _nth(n: int) -> str:
 
 
 def _trace(curve: Curve, colour: str) -> dict[str, Any]:
-    trace: dict[str, Any] = {"name": curve.label, "x": _samples(curve.x), "y": _samples(curve.y)}
+    trace: dict[str, Any] = {"name": curve.label, "x": samples(curve.x), "y": samples(curve.y)}
     if curve.style == "markers":
         return trace | {"type": "scatter", "mode": "markers", "marker": {"color": colour}}
     dash = "dash" if curve.style == "dashed" else "solid"
     return trace | {"type": "scatter", "mode": "lines", "line": {"color": colour, "dash": dash, "width": 1.5}}
 
 
-def _samples(x: NDArray[np.float64]) -> dict[str, str]:
-    """plotly.js's typed array"""
+def samples(x: NDArray[np.float64]) -> dict[str, str]:
+    """float64[n] as plotly.js's typed array."""
     return {"dtype": "f8", "bdata": base64.b64encode(np.ascontiguousarray(x, dtype="<f8").tobytes()).decode()}

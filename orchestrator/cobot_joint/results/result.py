@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def library(name: str, wanted_by: str) -> Any:
-    """A library that only some callers want. UserError: it is not installed, and how it is."""
+def library(name: str, wanted_by: str, extra: str = "notebook") -> Any:
+    """A library that only some callers want, of that extra. UserError: it is not installed, and how it is."""
     try:
         return import_module(name)
     except ImportError as error:
         raise UserError(
-            f"{wanted_by}: {name} is not installed, `pip install cobot-joint[notebook]` brings it"
+            f"{wanted_by}: {name} is not installed, `pip install cobot-joint[{extra}]` brings it"
         ) from error
 
 

@@ -140,11 +140,9 @@ def envelope(
     if len(x) <= 2 * bins:
         return t, x
     size = -(-len(x) // bins)
-    index = []
-    for start in range(0, len(x), size):
-        part = x[start : start + size]
-        if np.isfinite(part).any():
-            index += sorted({start + int(np.nanargmin(part)), start + int(np.nanargmax(part))})
-        else:
-            index.append(start)  # a gap stays a gap
+    blocks = np.full((-(-len(x) // size), size), np.nan)
+    blocks.ravel()[: len(x)] = x
+    known = np.isfinite(blocks)
+    ends = np.where(known, blocks, np.inf).argmin(axis=1), np.where(known, blocks, -np.inf).argmax(axis=1)
+    index = np.unique(np.arange(len(blocks)) * size + np.array(ends))  # a block of gaps gives its first: still a gap
     return t[index], x[index]

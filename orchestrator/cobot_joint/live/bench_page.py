@@ -32,6 +32,7 @@ class BenchPage:
         self.inputs = list(bench.system.inputs.values())
         outputs = list(bench.system.outputs)
         self.shown = [name for name in SHOWN if name in outputs] or outputs[:4]
+        self._height = 60 + 150 * len(self.shown)
         self.app = page.application(f"{bench.system.name}, live")
         self.app.layout = self.layout
         d = page.dash()
@@ -56,7 +57,9 @@ class BenchPage:
             controls.append(page.slider("input", n, label, unit, low, reach, 0.0))
         shown = [
             d.html.Div(id="said", className="said", role="status"),
-            d.dcc.Graph(id="figure", config={"displayModeBar": False, "responsive": True}),
+            d.dcc.Graph(
+                id="figure", config={"displayModeBar": False, "responsive": True}, style={"height": f"{self._height}px"}
+            ),
             d.dcc.Interval(id="clock", interval=EVERY),
         ]
         return page.two_columns(f"{self.bench.system.name}, running", controls, shown)
@@ -92,7 +95,7 @@ class BenchPage:
         figure.update_xaxes(range=[start, start + LAST])
         figure.update_xaxes(title_text="time [s]", row=len(self.shown))
         figure.update_layout(
-            template="simple_white", height=60 + 150 * len(self.shown), showlegend=False, uirevision="live",
+            template="simple_white", height=self._height, showlegend=False, uirevision="live",
             margin={"l": 70, "r": 10, "t": 10, "b": 40},
         )  # fmt: skip
         return figure

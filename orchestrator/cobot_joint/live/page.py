@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
 from cobot_joint.results.result import library
 
-STEPS = 200  # of a slider
+STEPS = 200  # of a slider at least
 INDEX = """<!DOCTYPE html>
 <html lang="en"><head>{%metas%}<title>{%title%}</title>{%css%}<style>
 body { font: 14px/1.4 system-ui, sans-serif; margin: 0; color: #1c1c1c; }
@@ -24,7 +25,9 @@ button { font: inherit; padding: .35rem .7rem; margin: .3rem .3rem .3rem 0; curs
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
 th, td { text-align: right; padding: .15rem .6rem; border-bottom: 1px solid #d9d9d9; }
 th:first-child, td:first-child { text-align: left; }
-.shown { padding: .4rem; }
+.shown { padding: .4rem; overflow-x: auto; }
+.dash-graph { min-width: 40rem; }
+.slider input { min-width: 5.5rem; }
 @media (max-width: 700px) {
   .page { grid-template-columns: minmax(0, 1fr); }
   .controls { max-height: none; }
@@ -51,13 +54,17 @@ def application(title: str) -> Any:
 def slider(kind: str, number: int, label: str, unit: str, low: float, high: float, at: float) -> Any:
     """A slider with its label; its id is {"slider": kind, "n": number}."""
     d = dash()
-    step = (high - low) / STEPS
+    step = 10.0 ** math.floor(math.log10((high - low) / STEPS))
     head = [label, " ", d.html.Span("" if unit in ("", "1") else f"[{unit}]", className="unit")]
     control = d.dcc.Slider(
-        low, high, step, value=at, id={"slider": kind, "n": number}, marks=None, updatemode="drag",
-        tooltip={"placement": "bottom"},
-    )  # fmt: skip
+        shown(low), shown(high), step, value=shown(at), id={"slider": kind, "n": number}, marks=None, updatemode="drag"
+    )
     return d.html.Div([d.html.Label(head), control], className="slider")
+
+
+def shown(x: float) -> float:
+    """With four digits, as a slider has it: what a person can read and type."""
+    return float(f"{x:.4g}")
 
 
 def two_columns(title: str, controls: Sequence[Any], shown: Sequence[Any]) -> Any:

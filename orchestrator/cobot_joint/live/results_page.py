@@ -12,7 +12,7 @@ from plotly.subplots import make_subplots
 
 from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis.report.headline import number, verdict_sentence
-from cobot_joint.diagnosis.report.overlays import LINE, envelope
+from cobot_joint.diagnosis.report.overlays import AVERAGED, LINE, envelope, moving_average
 from cobot_joint.diagnosis.run import term_texts
 from cobot_joint.live import page
 from cobot_joint.live.save import save_campaign, save_system
@@ -31,7 +31,7 @@ class ResultsPage:
     def __init__(self, results: WhatIf) -> None:
         self.results = results
         self.sliders = [s for kind in HEADINGS for s in results.sliders if s.kind == kind]
-        self._turn, self._latest = threading.Lock(), 0
+        self._turn, self._count, self._latest = threading.Lock(), threading.Lock(), 0
         self.app = page.application(results.campaign.title)
         self.app.layout = self.layout
         self._calls()
@@ -63,11 +63,12 @@ class ResultsPage:
             "save-campaign": "Save campaign",
         }
         names = [r.name for r in results.campaign.recordings]
+        height = {"height": f"{self._height(results.campaign.outputs)}px"}
         shown = [
             d.dcc.Dropdown(names, results.first_shown, multi=True, id="recordings", clearable=False),
             d.html.Div(id="rms"),
             d.html.Div(id="said", className="said", role="status"),
-            d.dcc.Graph(id="figure", config={"displayModeBar": False, "responsive": True}),
+            d.dcc.Graph(id="figure", config={"displayModeBar": False, "responsive": True}, style=height),
         ]
         top = [d.html.Button(words, id=name) for name, words in buttons.items()]
         top.append(d.html.Div(id="saved", className="said", role="status"))
@@ -85,17 +86,18 @@ class ResultsPage:
         return self.figure(calibrated, simulated), self.table(calibrated, simulated), ""
 
     def move(self, values: Sequence[float], names: Sequence[str]) -> tuple[Any, Any, str]:
-        """The same with only what sliders change; of several moves that wait, only the latest is drawn."""
+        """The same with only what sliders change; of several moves that wait, only the latest is simulated."""
         d = page.dash()
-        with self._turn:
+        with self._count:
             self._latest += 1
             mine = self._latest
-        try:
-            simulated = self.results.simulate(self.moved(values), names)
-        except SimulationError as error:
-            return d.no_update, d.no_update, f"These values cannot be simulated: {error}"
-        if mine != self._latest:
-            return d.no_update, d.no_update, d.no_update
+        with self._turn:
+            if mine != self._latest:
+                return d.no_update, d.no_update, d.no_update
+            try:
+                simulated = self.results.simulate(self.moved(values), names)
+            except SimulationError as error:
+                return d.no_update, d.no_update, f"These values cannot be simulated: {error}"
         figure = d.Patch()
         for n, (_, source, time, y) in enumerate(self._curves({}, simulated)):
             if source == "repaired":
@@ -107,11 +109,11 @@ class ResultsPage:
     def moved(self, values: Sequence[float]) -> dict[str, float]:
         """Slider -> value, of those that are not where they were found."""
         pairs = zip(self.sliders, values, strict=True)
-        return {s.name: float(x) for s, x in pairs if abs(x - s.found) > 1e-9 * (s.high - s.low)}
+        return {s.name: float(x) for s, x in pairs if x != page.shown(s.found)}
 
     def back(self, _clicks: int | None) -> list[float]:
         """Every slider where it was found."""
-        return [s.found for s in self.sliders]
+        return [page.shown(s.found) for s in self.sliders]
 
     def save_system(self, _clicks: int | None, values: Sequence[float]) -> str:
         """What was written."""
@@ -144,8 +146,9 @@ class ResultsPage:
             figure.update_yaxes(title_text="left [σ]", row=2 * n + 2, col=1)
         figure.update_xaxes(title_text="time [s]", row=2 * len(channels))
         figure.update_layout(
-            template="simple_white", height=80 + (SIGNAL + LEFT) * len(channels), uirevision=",".join(names),
-            margin={"l": 60, "r": 10, "t": 50, "b": 40}, legend={"orientation": "h", "y": 1.06, "yanchor": "bottom"},
+            template="simple_white", height=self._height(channels), uirevision=",".join(names),
+            margin={"l": 60, "r": 10, "t": 50, "b": 40},
+            legend={"orientation": "h", "yref": "container", "y": 1, "yanchor": "top"},
         )  # fmt: skip
         return figure
 
@@ -163,7 +166,12 @@ class ResultsPage:
                 for source, outputs in (("calibrated", calibrated.get(name, nothing)), ("repaired", simulated[name])):
                     y = outputs[channel]
                     yield (row, column), source, recording.time, y
-                    yield (row + 1, column), source, recording.time, (recorded - y) / noise if len(y) else y
+                    left = moving_average((recorded - y) / noise) if len(y) else y
+                    yield (row + 1, column), source, recording.time, left
+
+    @staticmethod
+    def _height(channels: Sequence[str]) -> int:
+        return 90 + (SIGNAL + LEFT) * len(channels)
 
     def _channels(self, names: Sequence[str]) -> list[str]:
         return list(dict.fromkeys(c for n in names for c in self.results.recording(n).outputs))
@@ -184,4 +192,5 @@ class ResultsPage:
                 number(error / noise if noise else None),
             ]
             rows.append(html.Tr([html.Td(x) for x in cells]))
-        return html.Table([head, *rows])
+        said = f"Below each channel what is left, over the noise, averaged over {AVERAGED} samples."
+        return html.Div([html.Table([head, *rows]), html.Div(said, className="unit")])

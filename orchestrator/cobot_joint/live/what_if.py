@@ -169,7 +169,10 @@ def campaign_of(folder: Path, given: Path | None) -> Path:
     """The campaign that a diagnosis was made from. UserError: it does not say, or the file is not there any more."""
     if given is not None:
         return given
-    said = read_diagnosis(folder).get("campaign")
+    diagnosis = read_diagnosis(folder)
+    if "readings" in diagnosis:
+        raise UserError(f"{folder}: a frequency response is given, results of runs over time are allowed")
+    said = diagnosis.get("campaign")
     ask = "say where it is with --campaign CAMPAIGN.toml"
     if not said:
         raise UserError(f"{folder / 'diagnosis.json'}: it does not name its campaign; {ask}")

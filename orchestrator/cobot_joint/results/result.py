@@ -63,7 +63,7 @@ class Result:
         return (given - taken) / absolute if absolute else 0.0
 
     def plot(self, *names: str) -> Figure:
-        """The named signals over time, or all of them: a matplotlib figure with one panel per unit.
+        """The named signals over time, or all of them: a matplotlib figure with panels by unit and size.
 
         KeyError: a signal that was not recorded.
         """

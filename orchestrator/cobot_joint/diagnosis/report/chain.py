@@ -57,7 +57,7 @@ def marked(
     places: Sequence[Place], found: Mapping[str, Sequence[str]], possible: Collection[str], upright: bool
 ) -> dict[str, Any]:
     """What `chain.svg.jinja` draws. found: unit -> labels of what it lacks. possible: units that it may be as well."""
-    boxes = []
+    boxes: list[dict[str, Any]] = []
     for n, place in enumerate(places):
         labels = list(found.get(place.name, ()))
         kind = "found" if labels else "possible" if place.name in possible else "fine"

@@ -81,7 +81,7 @@ def over_time(
     panels = []
     for unit, names in by_unit.items():
         for group in _of_a_size(names, signals):
-            curves = []
+            curves: list[Curve] = []
             for name in group:
                 hides = any(_coincide(signals[name], c.y) for c in curves if c.style == "line")
                 curves.append(Curve(name, time, signals[name], "dashed" if hides else "line"))

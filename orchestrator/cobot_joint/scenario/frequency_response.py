@@ -288,7 +288,8 @@ def _bode(
     fine = np.geomspace(omegas[0], omegas[-1], 200)
     decibel = 20 * np.log10(measured / scenario.amplitude)
     gain = [Curve("measured, Table C.1", omegas, decibel, "markers", COLOUR["recorded"])]
-    phase, misfit, formulas = [], [], []
+    phase, misfit = [], []
+    formulas: list[Curve] = []
     together = f"formulas, {' and '.join(variant.source for variant in scenario.variants)}"
     for variant, found, amplitude in zip(scenario.variants, responses, amplitudes, strict=True):
         formula = 20 * np.log10(np.abs(variant.k / (1j * variant.J * fine + variant.B)))

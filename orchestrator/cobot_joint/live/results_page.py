@@ -143,7 +143,8 @@ class ResultsPage:
         for n, channel in enumerate(channels):
             unit = next(r.units[channel] for r in results.campaign.recordings if channel in r.units)
             figure.update_yaxes(title_text=f"{channel}<br>[{unit}]", row=2 * n + 1, col=1)
-            figure.update_yaxes(title_text="left [σ]", row=2 * n + 2, col=1)
+            left = "σ" if channel in results.noise else unit
+            figure.update_yaxes(title_text=f"left [{left}]", row=2 * n + 2, col=1)
         figure.update_xaxes(title_text="time [s]", row=2 * len(channels))
         figure.update_layout(
             template="simple_white", height=self._height(channels), uirevision=",".join(names),
@@ -162,7 +163,7 @@ class ResultsPage:
             for channel, recorded in recording.outputs.items():
                 row = 2 * channels.index(channel) + 1
                 yield (row, column), "recorded", recording.time, recorded
-                noise = results.noise.get(channel) or float("nan")
+                noise = results.noise.get(channel, 1.0)
                 for source, outputs in (("calibrated", calibrated.get(name, nothing)), ("repaired", simulated[name])):
                     y = outputs[channel]
                     yield (row, column), source, recording.time, y

@@ -16,7 +16,7 @@ from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.repair.repair import correction, onsets
 from cobot_joint.diagnosis.repair.verify import read_diagnosis, repaired_systems
-from cobot_joint.diagnosis.report.headline import title_of
+from cobot_joint.diagnosis.report.headline import SEEN, title_of
 from cobot_joint.diagnosis.run import nominal_values, term_texts
 from cobot_joint.errors import UserError
 
@@ -51,7 +51,7 @@ class WhatIf:
         self.diagnosis = read_diagnosis(folder)
         self.nominal = campaign.systems()
         self.sliders = _sliders(self.diagnosis, campaign)
-        self.noise = {name: float(c["noise"]) for name, c in self.diagnosis["channels"].items()}
+        self.noise = {n: c["noise"] for n, c in self.diagnosis["channels"].items() if seen(c["noise"], n, campaign)}
         findings = self.diagnosis["findings"]
         self._onsets = onsets(findings, self.nominal)
         self._forms = {f["term"]: correction(k, f) for k, f in enumerate(findings, 1) if f.get("shape")}
@@ -117,6 +117,13 @@ class WhatIf:
             for channel, recorded in self.recording(name).outputs.items():
                 squares.setdefault(channel, []).append((recorded - outputs[channel]) ** 2)
         return {channel: float(np.sqrt(np.nanmean(np.concatenate(x)))) for channel, x in squares.items()}
+
+
+def seen(noise: float | None, channel: str, campaign: Campaign) -> bool:
+    """Whether there is noise to compare with, more than what rounding leaves."""
+    recorded = [r.outputs[channel] for r in campaign.recordings if channel in r.outputs]
+    largest = max((float(np.nanmax(np.abs(y), initial=0.0)) for y in recorded), default=0.0)
+    return (noise or 0.0) > SEEN * largest
 
 
 def scaled(form: Any, share: float) -> dict[str, float]:

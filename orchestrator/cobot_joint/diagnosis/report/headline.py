@@ -12,6 +12,7 @@ from cobot_joint.diagnosis.report.words import load_history
 from cobot_joint.diagnosis.selection.confidence import confidence, counted
 
 Json = Mapping[str, Any]
+SEEN = 1e-9  # of what is compared: noise below it is what rounding leaves
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,8 @@ def errors(d: Json, units: Mapping[str, str]) -> list[str]:
             continue
         before, after, unit = c[role]["calibrated"], c[role]["repaired"], units.get(name) or ""
         change = f"{number(before)} → {number(after)}" if d["findings"] else number(before)
-        said.append(f"{name}: {change} {'' if unit == '1' else pretty_unit(unit)}, noise {number(c['noise'])}")
+        noise = f", noise {number(c['noise'])}" if (c["noise"] or 0.0) > SEEN * max(before, after or 0.0) else ""
+        said.append(f"{name}: {change} {'' if unit == '1' else pretty_unit(unit)}{noise}")
     return said
 
 

@@ -11,6 +11,7 @@ from plotly.subplots import make_subplots
 
 from cobot_joint.diagnosis.data.conditioning import ChannelQuality
 from cobot_joint.diagnosis.repair.compare import Comparison, strongest_window
+from cobot_joint.diagnosis.report.headline import SEEN
 from cobot_joint.diagnosis.report.pictures import Picture, as_html
 from cobot_joint.results.figures import COLOUR
 
@@ -79,17 +80,21 @@ def overlay(
     )  # fmt: skip
     for n, channel in enumerate(channels):
         row = 2 * n + 1
+        unit = units.get(channel) or "1"
+        known = noise[channel] > SEEN * float(np.nanmax(np.abs(c.recording.outputs[channel]), initial=0.0))
+        scale = noise[channel] if known else 1.0
         for source in shown:
             y = c.recording.outputs[channel] if source == "recorded" else c.simulated[source][channel]
             _curve(figure, row, source, x, y[inside], points=table and source == "recorded", legend=n == 0)
             if source != "recorded":
-                left = c.residual(source, channel) / (noise[channel] or np.nan)
+                left = c.residual(source, channel) / scale
                 left = moving_average(left) if band else left
                 _curve(figure, row + 1, source, x, left[inside], points=table, legend=False)
         half = (band or {}).get(channel, 2.0)
-        figure.add_hrect(y0=-half, y1=half, fillcolor="#808080", opacity=0.25, line_width=0, row=row + 1, col=1)
-        figure.update_yaxes(title_text=f"{channel}<br>[{units.get(channel) or '1'}]", row=row, col=1)
-        figure.update_yaxes(title_text="left [σ]", row=row + 1, col=1)
+        if known:
+            figure.add_hrect(y0=-half, y1=half, fillcolor="#808080", opacity=0.25, line_width=0, row=row + 1, col=1)
+        figure.update_yaxes(title_text=f"{channel}<br>[{unit}]", row=row, col=1)
+        figure.update_yaxes(title_text="left [σ]" if known else f"left [{unit}]", row=row + 1, col=1)
     figure.update_xaxes(title_text="row of the table" if table else "time [s]", row=2 * len(channels), col=1)
     return figure
 

@@ -59,7 +59,7 @@ def render(data: ReportData) -> str:
     )
     environment.filters |= {"number": number, "percent": percent, "unit": pretty_unit}
     d = data.diagnosis
-    noise = {name: c["noise"] for name, c in d["channels"].items()}
+    noise = {name: c["noise"] or 0.0 for name, c in d["channels"].items()}
     first = overlays.held_out_first(data.compared, noise)
     shown = [overlays.before_after(first, noise, data.units, bool(d["findings"]))] if first else []
     return environment.get_template("report.html.jinja").render(
@@ -97,7 +97,7 @@ def _chains(data: ReportData) -> list[dict[str, Any]]:
     found: dict[str, list[str]] = {}
     for n, f in enumerate(d["findings"], 1):
         title = "effect on no list" if f.get("shape") else headline.title_of(f["term"], data.terms)
-        found.setdefault(f["component"], []).append(f"{n}. {title}")
+        found.setdefault(f["component"], []).append(f"{n}. {title.partition(' (')[0]}")
     possible = {term.split(".")[0] for f in d["findings"] for term in f.get("equivalent") or []}
     if not found and d["verdict"] == "undecided":
         possible = set((d.get("located") or {}).get("components", {}).get("suspects", ()))

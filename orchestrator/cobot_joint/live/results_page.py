@@ -21,7 +21,7 @@ from cobot_joint.results.figures import COLOUR, samples
 
 BINS = 250  # per curve: as many as a third of a screen shows
 SIGNAL, LEFT = 130, 80  # px of a channel's two panels
-HEADINGS = {"share": "Effects without a name", "term": "Terms", "parameter": "Parameters"}
+HEADINGS = {"share": "Effects without a name", "term": "Terms", "rival": "Rivals, off", "parameter": "Parameters"}
 Outputs = Mapping[str, Mapping[str, Array]]  # recording -> channel -> (n,)
 
 

@@ -20,9 +20,8 @@ FOLDER = "live"  # in that of the results
 def save_system(results: WhatIf, moved: Mapping[str, float]) -> list[Path]:
     """SSP files, with their FMUs beside them."""
     d = copy.deepcopy(results.diagnosis)
-    for name, value in moved.items():
-        if name in d["repaired"]:
-            d["repaired"][name]["value"] = value
+    for name, value in results.valued(moved).items():
+        d["repaired"][name] = d["repaired"].get(name, {}) | {"value": value}
     for finding in d["findings"]:
         share, shape = moved.get(finding["term"], 1.0), finding.get("shape")
         for feature in (shape or {}).get("features", ()):
@@ -39,7 +38,7 @@ def save_campaign(results: WhatIf, moved: Mapping[str, float]) -> tuple[Path, li
     given = tomllib.loads(results.campaign.path.read_text(encoding="utf-8"))
     out = results_folder(results.folder / FOLDER)
     values = {name: e["value"] for name, e in results.diagnosis["repaired"].items()}
-    values |= {name: x for name, x in moved.items() if name in values}
+    values |= results.valued(moved)
     given["parameters"] = given.get("parameters", {}) | values
     given["title"] = f"{given.get('title', results.campaign.title)}, from the live page"
     beside = results.campaign.path.parent

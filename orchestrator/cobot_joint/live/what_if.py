@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from cobot_joint.diagnosis.repair.verify import read_diagnosis, repaired_systems
 from cobot_joint.diagnosis.report.headline import SEEN, title_of
 from cobot_joint.diagnosis.run import nominal_values, term_texts
 from cobot_joint.errors import UserError
+from cobot_joint.system.model import System
 
 Array = NDArray[np.float64]
 SHOWN = 3  # recordings at first: what half a second is enough for
@@ -27,8 +28,9 @@ WIDER = 2.0  # tolerances, that a parameter's slider reaches to
 
 @dataclass(frozen=True)
 class Slider:
-    """One value that can be moved. kind: a term's parameter, a base parameter, or the share of an effect that is a
-    whole course or form; `name`: `component.variable`, of a share that of the finding.
+    """One value that can be moved. kind: a term's parameter, a base parameter, the amplitude of a rival that is off, or
+    the share of an effect that is a whole course or form; `name`: `component.variable`, of a share that of the finding.
+    beside: values that are set with it.
     """
 
     name: str
@@ -38,6 +40,7 @@ class Slider:
     high: float
     found: float
     kind: str
+    beside: Mapping[str, float] = field(default_factory=dict)
 
 
 class WhatIf:
@@ -50,7 +53,8 @@ class WhatIf:
         self.folder, self.campaign = folder, campaign
         self.diagnosis = read_diagnosis(folder)
         self.nominal = campaign.systems()
-        self.sliders = _sliders(self.diagnosis, campaign)
+        self.sliders = [*_sliders(self.diagnosis, campaign), *_rivals(self.diagnosis, self.nominal)]
+        self._beside = {s.name: s.beside for s in self.sliders}
         self.noise = {n: c["noise"] for n, c in self.diagnosis["channels"].items() if seen(c["noise"], n, campaign)}
         findings = self.diagnosis["findings"]
         self._onsets = onsets(findings, self.nominal)
@@ -97,7 +101,7 @@ class WhatIf:
         return {name: run.result() for name, run in runs.items()}
 
     def _one(self, recording: Recording, moved: Mapping[str, float]) -> Mapping[str, Array]:
-        values = {n: x for n, x in moved.items() if n not in self._forms and n not in self._loads}
+        values = self.valued(moved)
         for term, share in moved.items():
             if term in self._forms:
                 values |= scaled(self._forms[term], share)
@@ -109,6 +113,13 @@ class WhatIf:
                 course = history["recordings"][recording.name]
                 added[history["port"]] = moved.get(term, 1.0) * np.interp(time, course["t"], course["value"])
         return self._plant.simulate(there, recording, onsets=late, added=added)
+
+    def valued(self, moved: Mapping[str, float]) -> dict[str, float]:
+        """`component.variable` -> value of those sliders that are one, with what is set beside them."""
+        values = {n: x for n, x in moved.items() if n not in self._forms and n not in self._loads}
+        for name in moved:
+            values = {**self._beside.get(name, {}), **values}
+        return values
 
     def rms(self, simulated: Mapping[str, Mapping[str, Array]]) -> dict[str, float]:
         """Channel -> rms of recording - simulation over these recordings."""
@@ -163,6 +174,36 @@ def _sliders(d: Mapping[str, Any], campaign: Campaign) -> list[Slider]:
             low, high = min(middle - WIDER * half, e["value"]), max(middle + WIDER * half, e["value"])
             low, high = _within(units[component].bounds_of(variable), low, high)
             found.append(Slider(name, name, e["unit"], low, high, e["value"], "parameter"))
+    return found
+
+
+def _rivals(d: Mapping[str, Any], systems: Mapping[str, System]) -> list[Slider]:
+    """Terms that the recordings cannot tell from a finding: from neutral to twice the finding's amplitude, with its
+    shape where they have the same one. Only those in whose unit of measure it is given.
+    """
+    texts, found = term_texts(systems), []
+    terms = {f"{c.name}.{t.name}": (c, t) for s in systems.values() for c in s.components for t in c.unit.terms}
+    for f in d["findings"]:
+        if f["term"] not in terms:
+            continue
+        component, term = terms[f["term"]]
+        amplitude = d["repaired"].get(f"{component.name}.{term.amplitude}")
+        for name in f.get("equivalent") or []:
+            other, rival = terms.get(name, (component, term))
+            full = f"{other.name}.{rival.amplitude}"
+            if amplitude is None or rival.amplitude is None or full in d["repaired"]:
+                continue
+            unit = other.unit.unit_of(rival.amplitude) or "1"
+            low, high = sorted((rival.neutral, 2 * amplitude["value"] - rival.neutral))
+            low, high = _within(other.unit.bounds_of(rival.amplitude), low, high)
+            if unit == amplitude["unit"] and high > low:
+                beside = {
+                    f"{name}.{p}": e["value"]
+                    for p, e in f["parameters"].items()
+                    if f"{rival.name}.{p}" in other.unit.variables
+                }
+                label = f"{title_of(name, texts)} in {other.name}"
+                found.append(Slider(full, label, unit, low, high, rival.neutral, "rival", beside))
     return found
 
 

@@ -4,7 +4,11 @@ address may look.
 
 from __future__ import annotations
 
+import copy
 import json
+import os
+import signal
+import subprocess
 import sys
 import threading
 import tomllib
@@ -30,7 +34,7 @@ from cobot_joint.diagnosis.repair.verify import write_json
 from cobot_joint.errors import UserError
 from cobot_joint.live.bench import LONGEST, LiveBench
 from cobot_joint.live.save import save_campaign, save_system, toml
-from cobot_joint.live.what_if import WhatIf, campaign_of
+from cobot_joint.live.what_if import WhatIf, _rivals, campaign_of
 from cobot_joint.system import load_system
 from cobot_joint.system.model import Inputs
 
@@ -133,6 +137,17 @@ def test_an_effect_without_a_name_has_a_slider_from_none_of_it_to_twice_of_it(un
     none = unlisted.simulate({term: 0.0}, ["train"])["train"]["w_motor"]
     assert none == pytest.approx(unlisted.calibrated("train")["w_motor"], abs=1e-3)
     assert np.abs(unlisted.simulate({}, ["train"])["train"]["w_motor"] - none).max() > 0.5
+
+
+def test_a_rival_starts_switched_off_and_takes_the_shape_of_what_was_found(results: WhatIf) -> None:
+    d = copy.deepcopy(results.diagnosis)
+    d["findings"] = [finding(term="motor_bldc.stribeck", equivalent=["planetary_gear.stribeck"], parameters={
+        "tau_S": estimate(2e-3, "N.m"), "w_S": estimate(12.0, "rad/s")
+    })]  # fmt: skip
+    d["repaired"]["motor_bldc.stribeck.tau_S"] = estimate(2e-3, "N.m")
+    (rival,) = _rivals(d, results.nominal)
+    assert (rival.name, rival.found, rival.low, rival.high) == ("planetary_gear.stribeck.tau_S", 0.0, 0.0, 4e-3)
+    assert rival.beside["planetary_gear.stribeck.w_S"] == 12.0
 
 
 def test_a_saved_system_runs_as_the_sliders_stood(results: WhatIf) -> None:
@@ -343,3 +358,21 @@ def test_without_the_extra_one_line_says_what_to_install(
     assert cli._status(["open", "somewhere"]) == 2
     said = capsys.readouterr().err
     assert said == "cobot-joint: open: dash is not installed, `pip install cobot-joint[live]` brings it\n"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are POSIX's")
+def test_the_command_says_one_address_serves_it_and_ends_with_ctrl_c(results: WhatIf) -> None:
+    program = "from cobot_joint.cli import main; main()"
+    command = [sys.executable, "-c", program, "open", str(results.folder), "--no-browser"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            address = process.stdout.readline().strip()
+            with urllib.request.urlopen(address, timeout=20) as answer:
+                assert answer.status == 200
+            process.send_signal(signal.SIGINT)
+            _, said = process.communicate(timeout=20)
+        finally:
+            process.kill()
+    assert process.returncode == 130
+    assert said.strip() == "cobot-joint: interrupted"

@@ -20,6 +20,7 @@ ZOOM = 2.0  # s
 AVERAGED = 25  # samples, odd
 LINE = {"recorded": (3.0, "solid"), "nominal": (1.2, "dot"), "calibrated": (1.4, "dash"), "repaired": (1.4, "solid")}
 SIGNAL, LEFT = 140, 90  # px of a channel's two panels
+LEVELS, MOST = 30, 5  # of a signal; signals
 ROLES = {"holdout": "held out", "train": "training"}
 Array = NDArray[np.float64]
 
@@ -58,6 +59,51 @@ def whole(c: Comparison, quality: Mapping[str, ChannelQuality], units: Mapping[s
         "" if c.recording.scatter else f" What is left: averages of {AVERAGED} samples."
     )
     return Picture(f"{c.recording.name} ({ROLES[c.recording.role]})", words, as_html(figure))
+
+
+def over_signals(compared: Sequence[Comparison], noise: Mapping[str, float], units: Mapping[str, str]) -> Picture:
+    """What is left of the channel that a repair improves most, over everything that was recorded: friction shows over
+    speed, a gain over torque, an offset over nothing.
+    """
+    total = {n: sum(gain(c, n, x) for c in compared if n in c.recording.outputs) for n, x in noise.items()}
+    channel = max(total, key=lambda n: total[n])
+    runs = [c for c in compared if channel in c.recording.outputs and not c.recording.scatter]
+    names = dict.fromkeys(n for c in runs for n in (*c.recording.inputs, *c.recording.outputs))
+    moving = [n for n in names if any(np.nanstd(_recorded(c, n)) > 0 for c in runs)][:MOST]
+    figure = make_subplots(cols=max(len(moving), 1), shared_yaxes=True, horizontal_spacing=0.02)
+    for column, name in enumerate(moving, 1):
+        x = np.concatenate([_recorded(c, name) for c in runs])
+        for source in ("calibrated", "repaired"):
+            middle, mean = binned(x, np.concatenate([c.residual(source, channel) for c in runs]))
+            figure.add_scatter(
+                x=middle, y=mean, name=source, legendgroup=source, showlegend=column == 1, mode="lines+markers",
+                line={"color": COLOUR[source], "width": 1.2}, marker={"size": 4}, row=1, col=column,
+            )  # fmt: skip
+        unit = next((c.recording.units[name] for c in runs if name in c.recording.units), "1")
+        figure.update_xaxes(title_text=f"{name} [{unit}]", row=1, col=column)
+    figure.update_yaxes(title_text=f"left of {channel}<br>[{units.get(channel) or '1'}]", row=1, col=1)
+    figure.update_layout(height=300)
+    words = f"Mean of what is left of {channel} in all runs, by {LEVELS} levels of each recorded signal."
+    return Picture("Over what it depends", words, as_html(figure))
+
+
+def _recorded(c: Comparison, name: str) -> Array:
+    """An input or output, NaN where that run has none: (n,)"""
+    both = {**c.recording.inputs, **c.recording.outputs}
+    return both.get(name, np.full(len(c.recording.time), np.nan))
+
+
+def binned(x: Array, y: Array) -> tuple[Array, Array]:
+    """Means of x and y over LEVELS levels of x with as many samples each; less where x repeats."""
+    known = np.isfinite(x) & np.isfinite(y)
+    x, y = x[known], y[known]
+    if not len(x):
+        return x, y
+    edges = np.unique(np.quantile(x, np.linspace(0, 1, LEVELS + 1)))
+    level = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, max(len(edges) - 2, 0))
+    count = np.bincount(level)
+    there = count > 0
+    return np.bincount(level, x)[there] / count[there], np.bincount(level, y)[there] / count[there]
 
 
 def overlay(

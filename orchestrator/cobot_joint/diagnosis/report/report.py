@@ -76,6 +76,7 @@ def render(data: ReportData) -> str:
         fit_pictures=[pictures.before_and_after(d), *data.own_pictures[0 if shown else 1 :]],
         finding_pictures=pictures.of_findings(d["findings"]),
         recorded=[overlays.whole(c, data.quality, data.units) for c in data.compared],
+        dependence=_dependence(data, noise),
         readings=d.get("readings", ()),
         discrepancy=d.get("discrepancy", ()),
         notes=d.get("notes", ()),
@@ -87,6 +88,12 @@ def render(data: ReportData) -> str:
         quality=[(name, data.units.get(name, ""), q) for name, q in data.quality.items()],
         provenance=data.provenance,
     )
+
+
+def _dependence(data: ReportData, noise: Mapping[str, float]) -> list[Picture]:
+    """What is left over every recorded signal; of tables there are too few rows."""
+    runs = [c for c in data.compared if not c.recording.scatter]
+    return [overlays.over_signals(runs, noise, data.units)] if runs else []
 
 
 def _chains(data: ReportData) -> list[dict[str, Any]]:

@@ -18,6 +18,7 @@ from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.repair.compare import VARIANTS, compare
 from cobot_joint.diagnosis.report.chain import chain_of
 from cobot_joint.diagnosis.report.headline import TermText, how_sure, number, percent
+from cobot_joint.diagnosis.report.overlays import LEVELS, binned, over_signals
 from cobot_joint.diagnosis.report.pictures import of_panels
 from cobot_joint.diagnosis.report.report import ReportData, render, write_report
 from cobot_joint.diagnosis.selection.confidence import COUNTED, confidence
@@ -234,10 +235,31 @@ def test_figures_that_are_drawn_can_be_read_from_the_page() -> None:
     root = html.fromstring(render(data("unlisted", [UNLISTED])))
     places = root.xpath("//*[@class='plot']")
     figures = [json.loads(place.getnext().text) for place in places]
-    assert len(places) == 4  # before and after, the recording, errors over noise, the table
+    assert len(places) == 5  # before and after, the recording, over signals, errors over noise, the table
     assert all(figure["data"] for figure in figures)
     recorded = [t for f in figures for t in f["data"] if t.get("name") == "recorded"]
     assert {t["line"]["color"] for t in recorded} == {COLOUR["recorded"]}
+
+
+def test_friction_that_is_missing_shows_over_speed() -> None:
+    speed = np.sin(20 * T)
+    r = Recording("run", "train", "loaded", T, {"v": speed}, {"i": 0.1 * np.sign(speed)}, {"v": "rad/s", "i": "A"})
+    (c,) = compare(
+        [r], {v: lambda r, k=k: {"i": k * r.outputs["i"]} for v, k in zip(VARIANTS, (0.0, 0.0, 1.0), strict=True)}
+    )
+    drawn = json.loads(html.fragments_fromstring(over_signals([c], {"i": 0.01}, {"i": "A"}).html)[1].text)
+    over_speed = {t["name"]: t for t in drawn["data"] if t.get("xaxis", "x") == "x"}
+    assert drawn["layout"]["xaxis"]["title"]["text"] == "v [rad/s]"
+    assert drawn["layout"]["yaxis"]["title"]["text"] == "left of i<br>[A]"
+    assert set(over_speed) == {"calibrated", "repaired"}
+
+
+def test_means_by_level_follow_a_dependence() -> None:
+    x = np.random.default_rng(0).uniform(-1, 1, 10_000)
+    middle, mean = binned(x, np.sign(x))
+    assert len(middle) == LEVELS
+    assert mean[[0, 5, -5, -1]].tolist() == [-1, -1, 1, 1]
+    assert binned(np.zeros(5), np.ones(5))[1].tolist() == [1.0]
 
 
 @pytest.mark.long

@@ -69,7 +69,7 @@ def over_signals(compared: Sequence[Comparison], noise: Mapping[str, float], uni
     channel = max(total, key=lambda n: total[n])
     runs = [c for c in compared if channel in c.recording.outputs and not c.recording.scatter]
     names = dict.fromkeys(n for c in runs for n in (*c.recording.inputs, *c.recording.outputs))
-    moving = [n for n in names if any(np.nanstd(_recorded(c, n)) > 0 for c in runs)][:MOST]
+    moving = [n for n in names if any(_moves(_recorded(c, n)) for c in runs)][:MOST]
     figure = make_subplots(cols=max(len(moving), 1), shared_yaxes=True, horizontal_spacing=0.02)
     for column, name in enumerate(moving, 1):
         x = np.concatenate([_recorded(c, name) for c in runs])
@@ -85,6 +85,11 @@ def over_signals(compared: Sequence[Comparison], noise: Mapping[str, float], uni
     figure.update_layout(height=300)
     words = f"Mean of what is left of {channel} in all runs, by {LEVELS} levels of each recorded signal."
     return Picture("Over what it depends", words, as_html(figure))
+
+
+def _moves(x: Array) -> bool:
+    known = x[np.isfinite(x)]
+    return bool(len(known)) and float(np.ptp(known)) > 0
 
 
 def _recorded(c: Comparison, name: str) -> Array:

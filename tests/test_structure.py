@@ -44,6 +44,7 @@ ROOMS = [
     "diagnosis/evaluation",
     "diagnosis/basis.py diagnosis/run.py diagnosis/frequency_run.py",
     "diagnosis/__init__.py diagnosis/own_bench.py diagnosis/commands.py",
+    "live",
     "api.py",
     "__init__.py",
     "cli.py",

@@ -29,6 +29,7 @@ from cobot_joint.diagnosis import own_bench
 from cobot_joint.errors import UserError, among, printable
 from cobot_joint.files import results_folder, what_is_missing
 from cobot_joint.interrupts import Interrupted, interruptible
+from cobot_joint.live import command as live
 from cobot_joint.precautions import Precautions, common_first
 from cobot_joint.screen import Screen
 from cobot_joint.version import __version__
@@ -104,7 +105,7 @@ class Output:
 
 
 output = Output()
-WITHOUT_JSON = {"inspect", "new", "prove"}
+WITHOUT_JSON = {"inspect", "new", "open", "prove"}
 
 
 def _version(wanted: bool) -> None:
@@ -204,7 +205,7 @@ def common(
         allowed = among(sorted(set(_commands()) - WITHOUT_JSON))
         raise UserError(f"--json is given with {context.invoked_subcommand}; allowed it is with {allowed}")
     output.verbose, output.as_json = verbose, as_json
-    for one in (console, diagnosis.console, own_bench.console):
+    for one in (console, diagnosis.console, own_bench.console, live.console):
         one.quiet = quiet or as_json
 
 
@@ -372,6 +373,7 @@ def _progress(name: str) -> Iterator[Any]:
 diagnosis.register(app)
 for command in (own_bench.inspect, own_bench.new):
     app.command()(command)
+app.command("open")(live.open_)
 
 
 def main() -> None:

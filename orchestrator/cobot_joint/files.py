@@ -73,3 +73,11 @@ def what_is_missing(error: OSError) -> str:
     if error.errno in FULL:
         return f"{where}{said}: free space is missing; --out names another folder"
     return f"{where}{said}"
+
+
+def relative(file: Path, folder: Path) -> str:
+    """As seen from a folder, with slashes; on another drive there is only the whole path."""
+    try:
+        return Path(os.path.relpath(file, folder)).as_posix()
+    except ValueError:
+        return file.resolve().as_posix()

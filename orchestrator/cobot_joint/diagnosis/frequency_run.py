@@ -15,16 +15,19 @@ from cobot_joint.diagnosis.frequency import Progress, Reading, Response, diagnos
 from cobot_joint.diagnosis.plant.frequency_plant import CHANNEL
 from cobot_joint.diagnosis.repair.export import write_repair
 from cobot_joint.diagnosis.repair.verify import write_json
-from cobot_joint.diagnosis.report.report import verdict_sentence
+from cobot_joint.diagnosis.report.headline import verdict_sentence
+from cobot_joint.diagnosis.report.pictures import of_panels
+from cobot_joint.diagnosis.report.report import ReportData, write_report
 from cobot_joint.diagnosis.report.words import spoken
-from cobot_joint.diagnosis.run import Outcome, term_texts
+from cobot_joint.diagnosis.run import TRIED, Outcome, nominal_values, term_texts
 from cobot_joint.diagnosis.store import Store
-from cobot_joint.results.draw import draw
 from cobot_joint.results.figures import Curve, Panel, Picture
 from cobot_joint.results.files import write_csv
+from cobot_joint.results.png import write_png
 from cobot_joint.version import __version__
 
 Vector = NDArray[np.float64]
+X_LABEL = "omega [rad/s]"
 
 
 def diagnose_response_campaign(path: Path, out: Path, *, progress: Progress | None = None) -> Outcome:
@@ -44,8 +47,28 @@ def diagnose_response_campaign(path: Path, out: Path, *, progress: Progress | No
     }  # fmt: skip
     content = spoken(diagnosis.to_json()) | {"readings": [_reading(r, response) for r in readings]}
     content["provenance"] = _provenance(response)
-    files = _pictures(response, readings, out)
-    sentence = verdict_sentence(content, term_texts({"default": response.system}))
+    texts = term_texts(systems)
+    panels, others = _amplitudes(response, best), _every_reading(response, readings)
+    data = ReportData(
+        title=response.given.title,
+        diagnosis=content,
+        compared=[],
+        quality={},
+        units={CHANNEL: "1"},
+        nominal=nominal_values(systems, [*diagnosis.repaired, *diagnosis.calibrated]),
+        terms=texts,
+        tried=[(c.term, c.gain) for c in best.ranking][:TRIED],
+        provenance=content["provenance"],
+        system=response.system,
+        own_pictures=[
+            of_panels(panels, X_LABEL, "Before and after", "Amplitudes, and what is left of them."),
+            of_panels([others], X_LABEL, "Every reading, repaired", "What each reading of the experiment leaves."),
+        ],
+    )
+    write_report(out / "report.html", data)
+    picture = Picture(out / "report", "amplitudes", response.given.title, X_LABEL, [*panels, others], x_log=True)
+    files = [out / "report.html", write_png(picture), _write_table(response, best, out)]
+    sentence = verdict_sentence(content, texts)
     write_json(out / "diagnosis.json", content)
     store.clear()
     return Outcome(sentence, content, {CHANNEL: "1"}, [out / "diagnosis.json", out / "repaired.ssp", *files])
@@ -76,26 +99,34 @@ def _provenance(response: Response) -> dict[str, str]:
     return {"tool": f"cobot-joint {__version__}", "campaign": response.given.title, "units": units}
 
 
-def _pictures(response: Response, readings: Sequence[Reading], out: Path) -> list[Path]:
-    """report.html and report.png: amplitudes, and misfit in % per frequency; response.csv with the same numbers."""
+def _simulated(response: Response, best: Reading) -> dict[str, Vector]:
+    """Amplitudes of the best reading."""
+    measured = np.exp(response.recording.outputs[CHANNEL])
+    fits = {"calibrated": best.calibrated, "repaired": best.repaired}
+    return {name: measured * np.exp(-response.noise * fit.residual) for name, fit in fits.items()}
+
+
+def _amplitudes(response: Response, best: Reading) -> list[Panel]:
+    """Measured and simulated, and the misfit."""
     omega, measured = response.recording.time, np.exp(response.recording.outputs[CHANNEL])
-    best = min(readings, key=lambda r: r.repaired.chi2)
-    simulated = {
-        "re-fitted": measured * np.exp(-response.noise * best.calibrated.residual),
-        "repaired": measured * np.exp(-response.noise * best.repaired.residual),
-    }
-    amplitude = [Curve("measured", omega, 20 * np.log10(measured), "markers")]
+    simulated = _simulated(response, best)
+    amplitude = [Curve("recorded", omega, 20 * np.log10(measured), "markers")]
     amplitude += [Curve(name, omega, 20 * np.log10(y)) for name, y in simulated.items()]
-    misfit = [Curve(name, omega, 100 * (y / measured - 1), "line") for name, y in simulated.items()]
-    others = [
-        Curve(r.alternative.name, omega, 100 * (np.exp(-response.noise * r.repaired.residual) - 1)) for r in readings
-    ]
-    panels = [
-        Panel("amplitude [dB]", amplitude),
-        Panel("simulated/measured - 1 [%]", misfit),
-        Panel("repaired, every reading [%]", others),
-    ]
-    picture = Picture(out / "report", "amplitudes", response.given.title, "omega [rad/s]", panels, x_log=True)
-    headers = ["omega [rad/s]", "measured", *simulated]
-    rows = [[float(x) for x in row] for row in zip(omega, measured, *simulated.values(), strict=True)]
-    return [*draw(picture), write_csv(out / "response.csv", headers, rows)]
+    misfit = [Curve(name, omega, 100 * (y / measured - 1)) for name, y in simulated.items()]
+    return [Panel("amplitude [dB]", amplitude), Panel("simulated/measured - 1 [%]", misfit)]
+
+
+def _every_reading(response: Response, readings: Sequence[Reading]) -> Panel:
+    """Misfit of each, repaired."""
+    omega = response.recording.time
+    left = {r.alternative.name: 100 * (np.exp(-response.noise * r.repaired.residual) - 1) for r in readings}
+    return Panel("repaired, every reading [%]", [Curve(name, omega, y) for name, y in left.items()])
+
+
+def _write_table(response: Response, best: Reading, out: Path) -> Path:
+    """response.csv: the numbers of the picture."""
+    omega, simulated = response.recording.time, _simulated(response, best)
+    columns = zip(omega, np.exp(response.recording.outputs[CHANNEL]), *simulated.values(), strict=True)
+    return write_csv(
+        out / "response.csv", ["omega [rad/s]", "measured", *simulated], [[float(x) for x in row] for row in columns]
+    )

@@ -19,13 +19,14 @@ from cobot_joint.diagnosis.repair.discrepancy import DISCREPANCY
 from cobot_joint.diagnosis.repair.gate import judged
 from cobot_joint.diagnosis.repair.repair import repair
 from cobot_joint.diagnosis.repair.verify import compare_systems, exported, variants, write_json
-from cobot_joint.diagnosis.report.report import ReportData, TermText, verdict_sentence, write_report
+from cobot_joint.diagnosis.report.headline import TermText, first_clause, verdict_sentence
+from cobot_joint.diagnosis.report.report import ReportData, write_report
 from cobot_joint.diagnosis.report.words import spoken
 from cobot_joint.diagnosis.state_estimation.noise import noise_of
 from cobot_joint.diagnosis.state_estimation.prediction import predicted_figures
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.errors import UserError, among
-from cobot_joint.files import write_atomically
+from cobot_joint.files import relative, write_atomically
 from cobot_joint.system.model import System
 from cobot_joint.version import __version__
 
@@ -64,7 +65,8 @@ def diagnose_campaign(
     compared = compare_systems(campaign, campaign.recordings, out, calibrated, loads)
     diagnosis.channels = channels(compared, quality)
     judge(diagnosis, lambda: anchored(campaign, out, calibrated, say))
-    content = spoken(diagnosis.to_json()) | {"exported": exported(out, campaign.setups)}
+    content = spoken(diagnosis.to_json())
+    content |= {"exported": exported(out, campaign.setups), "campaign": relative(campaign.path, out)}
     say("reporting")
     texts = term_texts(systems)
     nominal = nominal_values(systems, [*diagnosis.repaired, *campaign.tolerances])
@@ -79,6 +81,7 @@ def diagnose_campaign(
         terms=texts,
         tried=[(c.term, c.gain) for c in (diagnosis.ranking[0] if diagnosis.ranking else [])][:TRIED],
         provenance=provenance(campaign, systems, baseline),
+        system=fullest(systems),
     )
     write_report(out / "report.html", data)
     write_json(out / "diagnosis.json", content | {"provenance": dict(data.provenance)})
@@ -146,10 +149,24 @@ def components(systems: Mapping[str, System]) -> list[Any]:
 def term_texts(systems: Mapping[str, System]) -> dict[str, TermText]:
     """`component.term` -> what its unit says of it"""
     return {
-        f"{component.name}.{term.name}": TermText(term.title, term.equation, term.source)
+        f"{component.name}.{term.name}": TermText(
+            term.title,
+            term.equation,
+            term.source,
+            {
+                name.removeprefix(f"{term.name}."): first_clause(variable.description)
+                for name, variable in component.unit.variables.items()
+                if name.startswith(f"{term.name}.")
+            },
+        )
         for component in components(systems)
         for term in component.unit.terms
     }
+
+
+def fullest(systems: Mapping[str, System]) -> System:
+    """That of the set-up with the most units."""
+    return max(systems.values(), key=lambda system: len(system.components))
 
 
 def nominal_values(systems: Mapping[str, System], names: Sequence[str]) -> dict[str, float]:

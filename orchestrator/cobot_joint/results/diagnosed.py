@@ -54,11 +54,19 @@ class Diagnosed:
         """rms of recording - simulation over that of noise, before and after: a matplotlib figure."""
         from matplotlib import pyplot
 
+        from cobot_joint.results.figures import COLOUR
+
         rows = self._figures()
         figure, axis = pyplot.subplots(figsize=(10, 1 + 0.7 * len(rows)), layout="constrained")
         for n, variant in enumerate(VARIANTS):
             length = [(x[role][variant] or 0.0) / x["noise"] for _, role, x in rows]
-            axis.barh([k + 0.25 * (1 - n) for k in range(len(rows))], length, height=0.22, label=variant)
+            axis.barh(
+                [k + 0.25 * (1 - n) for k in range(len(rows))],
+                length,
+                height=0.22,
+                label=variant,
+                color=COLOUR[variant],
+            )
         axis.set_yticks(range(len(rows)), [f"{channel}, {ROLES[role]}" for channel, role, _ in rows])
         axis.axvline(1.0, color="0.5", lw=1.0)
         axis.set_xscale("log")

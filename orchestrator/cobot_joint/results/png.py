@@ -11,9 +11,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from cobot_joint.results.figures import COLOURS, Curve, Picture
+from cobot_joint.results.figures import Curve, Picture
 
 COLUMNS = 1000  # about as many as a panel has pixels side by side
+LETTER = 0.0072  # of the picture's width
 
 
 def write_png(picture: Picture) -> Path:
@@ -30,14 +31,16 @@ def still(picture: Picture, figure: Figure | None = None) -> Figure:
     figure = figure or Figure()
     figure.set_size_inches(10, height)
     # as constrained layout would do it, which draws everything twice
-    figure.subplots_adjust(left=0.08, right=0.86, bottom=0.55 / height, top=1 - 0.45 / height, hspace=0.1)
+    right = 0.945 - LETTER * max(len(c.label) for panel in picture.panels for c in panel.curves)
+    figure.subplots_adjust(left=0.08, right=right, bottom=0.55 / height, top=1 - 0.45 / height, hspace=0.1)
     figure.suptitle(picture.title, y=1 - 0.1 / height)
     axes = np.atleast_1d(figure.subplots(len(picture.panels), 1, sharex=True))
-    colours = iter(COLOURS * (1 + sum(len(panel.curves) for panel in picture.panels) // len(COLOURS)))
+    colours = picture.colours
     for axis, panel in zip(axes, picture.panels, strict=True):
         for curve in panel.curves:
             form = {"line": "-", "dashed": "--", "markers": "o"}[curve.style]
-            axis.plot(*_seen(curve), form, ms=4, lw=1.2, color=next(colours), label=curve.label)
+            colour = curve.colour or colours[curve.label]
+            axis.plot(*_seen(curve), form, ms=4, lw=1.2, color=colour, label=curve.label or "_not in the legend")
         axis.set_ylabel(panel.y_label)
         axis.grid(alpha=0.3)
         axis.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)

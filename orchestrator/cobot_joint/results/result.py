@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def library(name: str, wanted_by: str) -> Any:
-    """A library that only some callers want. UserError: it is not installed, and how it is."""
+def library(name: str, wanted_by: str, extra: str = "notebook") -> Any:
+    """A library that only some callers want, of that extra. UserError: it is not installed, and how it is."""
     try:
         return import_module(name)
     except ImportError as error:
         raise UserError(
-            f"{wanted_by}: {name} is not installed, `pip install cobot-joint[notebook]` brings it"
+            f"{wanted_by}: {name} is not installed, `pip install cobot-joint[{extra}]` brings it"
         ) from error
 
 
@@ -63,7 +63,7 @@ class Result:
         return (given - taken) / absolute if absolute else 0.0
 
     def plot(self, *names: str) -> Figure:
-        """The named signals over time, or all of them: a matplotlib figure with one panel per unit.
+        """The named signals over time, or all of them: a matplotlib figure with panels by unit and size.
 
         KeyError: a signal that was not recorded.
         """

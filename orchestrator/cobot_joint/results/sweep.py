@@ -48,7 +48,10 @@ class Sweep:
         """That signal of every run over time: a matplotlib figure. KeyError: it was not recorded."""
         from matplotlib import pyplot
 
+        from cobot_joint.results.figures import COLOURS
+
         figure, axis = pyplot.subplots(figsize=(10, 4), layout="constrained")
+        axis.set_prop_cycle(color=COLOURS)
         for at, result in self:
             axis.plot(result.time, result[signal], lw=1.2, label=", ".join(f"{k} = {v:.4g}" for k, v in at.items()))
             axis.set_ylabel(f"{signal} [{result.units.get(signal) or '1'}]")

@@ -15,7 +15,7 @@ from scipy.signal import lti
 
 from cobot_joint.cosim import Experiment, Simulation
 from cobot_joint.errors import UserError
-from cobot_joint.results.figures import Curve, Panel, Picture
+from cobot_joint.results.figures import COLOUR, COLOURS, Curve, Panel, Picture
 from cobot_joint.results.files import SignalsWriter, header, provenance, write_csv
 from cobot_joint.scenario.model import FrequencyResponse, Variant
 from cobot_joint.scenario.options import TRANSFER_FUNCTION, Options
@@ -286,14 +286,18 @@ def _bode(
     amplitudes: list[NDArray[np.float64]],
 ) -> Picture:
     fine = np.geomspace(omegas[0], omegas[-1], 200)
-    gain = [Curve("measured, Table C.1", omegas, 20 * np.log10(measured / scenario.amplitude), "markers")]
+    decibel = 20 * np.log10(measured / scenario.amplitude)
+    gain = [Curve("measured, Table C.1", omegas, decibel, "markers", COLOUR["recorded"])]
     phase, misfit = [], []
+    formulas: list[Curve] = []
+    together = f"formulas, {' and '.join(variant.source for variant in scenario.variants)}"
     for variant, found, amplitude in zip(scenario.variants, responses, amplitudes, strict=True):
-        formula = variant.k / (1j * variant.J * fine + variant.B)
-        gain.append(Curve(f"simulated: {variant.name}", omegas, 20 * np.log10(amplitude / scenario.amplitude), "line"))
-        gain.append(Curve(variant.source, fine, 20 * np.log10(np.abs(formula)), "dashed"))
-        phase.append(Curve(f"phase: {variant.name}", omegas, np.degrees([r.phase for r in found]), "line"))
-        misfit.append(Curve(f"misfit: {variant.name}", omegas, 100 * (amplitude / measured - 1), "markers"))
+        formula = 20 * np.log10(np.abs(variant.k / (1j * variant.J * fine + variant.B)))
+        gain.append(Curve(variant.name, omegas, 20 * np.log10(amplitude / scenario.amplitude)))
+        formulas.append(Curve("" if formulas else together, fine, formula, "dashed", COLOURS[-1]))
+        phase.append(Curve(variant.name, omegas, np.degrees([r.phase for r in found])))
+        misfit.append(Curve(variant.name, omegas, 100 * (amplitude / measured - 1), "markers"))
+    gain += formulas  # over the simulated ones, which they hide otherwise
     panels = [
         Panel("gain [dB re rad/s/A]", gain),
         Panel("phase [deg]", phase),

@@ -7,15 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lxml import html
 from typer.testing import CliRunner
 
 from cobot_joint.cli import app
-from cobot_joint.diagnosis.data.campaign_file import FrequencyExperiment
+from cobot_joint.diagnosis import frequency_run
+from cobot_joint.diagnosis.data.campaign_file import Alternative, FrequencyExperiment
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
 from cobot_joint.diagnosis.estimation.problem import Simulated
-from cobot_joint.diagnosis.frequency import choose, load_response, read_amplitudes, scatter
+from cobot_joint.diagnosis.findings import Diagnosis, Finding
+from cobot_joint.diagnosis.frequency import Reading, choose, load_response, read_amplitudes, scatter
 from cobot_joint.diagnosis.plant.frequency_plant import CHANNEL, FrequencyPlant, by_frequency
 from cobot_joint.errors import UserError
 from cobot_joint.system import load_system
@@ -108,3 +111,26 @@ def test_table_c1_is_found_named_and_gone_by_one_command(root: Path, tmp_path: P
         # Only the order is claimed: a fit of rough amplitudes may end in another of its minima.
         margin = 1.0 if "commanded current" in other["name"] else 2.5
         assert other is best or other["repaired"] > margin * best["repaired"], other["name"]
+
+
+def test_the_report_of_a_frequency_response_stands_alone_and_begins_like_any_other(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nominal, reading = fitted(1405.0), Reading(Alternative(name="as told"), 0.2, fitted(1405.0), fitted(30.0), [], ())
+    finding = Finding("planetary_gear.stribeck", (), 0.95, None, {}, {}, nominal.chi2)
+    answer = Diagnosis("explained", [finding], {}, {})
+    monkeypatch.setattr(frequency_run, "diagnose_response", lambda *_: (answer, [reading]))
+    campaign = root / "proof" / "real" / "thesis_table_c1" / "campaign.toml"
+    outcome = frequency_run.diagnose_response_campaign(campaign, tmp_path)
+    assert {"report.html", "report.png", "response.csv", "diagnosis.json", "repaired.ssp"} <= {
+        p.name for p in outcome.files
+    }
+    page = html.fromstring((tmp_path / "report.html").read_text(encoding="utf-8"))
+    (first,) = page.xpath("//*[@class='plot'][not(ancestor::details)]")
+    drawn = json.loads(first.getnext().text)
+    assert {trace["name"] for trace in drawn["data"]} == {"recorded", "calibrated", "repaired"}
+    assert drawn["layout"]["xaxis"]["type"] == "log"
+    assert [g.xpath("string(.//text[@class='name'])") for g in page.xpath("//g[@class='found']")] == [
+        "planetary_gear"
+    ] * 2
+    assert "have not been counted" in page.text_content()

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from cobot_joint.results.draw import Stills, draw
-from cobot_joint.results.figures import Curve, Panel, Picture, write_html
-from cobot_joint.results.png import COLUMNS, _seen
+from cobot_joint.results.figures import COLOUR, Curve, Panel, Picture, _figure, over_time, write_html
+from cobot_joint.results.png import COLUMNS, _seen, still
 
 
 def make(stem: Path, y: np.ndarray) -> Picture:
@@ -51,3 +51,33 @@ def test_a_page_holds_the_samples_and_its_title_ends_no_script(tmp_path: Path) -
     figure = json.loads(found[1])
     np.testing.assert_array_equal(np.frombuffer(base64.b64decode(figure["data"][0]["y"]["bdata"])), y)
     assert figure["layout"]["title"]["text"] == "A </script> title"
+
+
+def test_what_would_be_flat_has_a_panel_with_its_like_and_what_is_zero_has_none() -> None:
+    t = np.arange(100.0)
+    signals = {"w_motor": 5 * t, "w_pulley": t / 20, "w_brake": t / 5, "w_off": 0 * t, "i": t}
+    panels = over_time(t, signals, dict.fromkeys(signals, "rad/s") | {"i": "A"})
+    assert [[c.label for c in p.curves] for p in panels] == [["w_motor", "w_off"], ["w_pulley", "w_brake"], ["i"]]
+    assert [p.y_label for p in panels] == ["speed [rad/s]", "speed [rad/s]", "current [A]"]
+
+
+def test_a_curve_that_would_hide_another_is_dashed() -> None:
+    t = np.arange(100.0)
+    (panel,) = over_time(t, {"tau_gear": t, "tau_sensor": t + 0.1, "tau_belt": t / 2}, {})
+    assert [c.style for c in panel.curves] == ["line", "dashed", "line"]
+
+
+def test_a_name_has_one_colour_and_one_entry_in_all_panels(tmp_path: Path) -> None:
+    t = np.arange(3.0)
+    curves = [Curve("fit", t, t), Curve("", t, t), Curve("recorded", t, t)]
+    picture = Picture(tmp_path / "p", "", "", "", [Panel("a", curves), Panel("b", [Curve("other", t, t), *curves[:1]])])
+    traces = _figure(picture)["data"]
+    fits = [trace for trace in traces if trace["name"] == "fit"]
+    assert len({trace["line"]["color"] for trace in fits}) == 1
+    assert [trace["showlegend"] for trace in traces] == [True, False, True, True, False]
+    assert traces[2]["line"]["color"] == COLOUR["recorded"]
+    axes = still(picture).axes
+    assert [[text.get_text() for text in axis.get_legend().get_texts()] for axis in axes] == [
+        ["fit", "recorded"], ["other", "fit"]
+    ]  # fmt: skip
+    assert axes[0].lines[0].get_color() == axes[1].lines[1].get_color() == fits[0]["line"]["color"]

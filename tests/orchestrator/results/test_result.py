@@ -52,9 +52,9 @@ def test_a_library_that_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatc
 def test_plot_has_a_panel_per_unit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MPLBACKEND", "agg")
     figure = make().plot()
-    assert [axis.get_ylabel() for axis in figure.axes] == ["[A]", "[rad/s]"]
+    assert [axis.get_ylabel() for axis in figure.axes] == ["current [A]", "speed [rad/s]"]
     np.testing.assert_array_equal(figure.axes[1].lines[0].get_ydata(), make()["w"])
-    assert [axis.get_ylabel() for axis in make().plot("w").axes] == ["[rad/s]"]
+    assert [axis.get_ylabel() for axis in make().plot("w").axes] == ["speed [rad/s]"]
 
 
 def test_a_notebook_shows_figures_of_every_signal() -> None:

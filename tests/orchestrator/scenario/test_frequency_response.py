@@ -140,7 +140,7 @@ def test_bode_plot_shows_measured_simulated_and_misfit(with_units: tuple[Report,
     written = {path.name for picture in report.pictures for path in draw(picture)}
     assert written >= {"frequency_response.html", "frequency_response.png"}
     page = (out / "frequency_response.html").read_text()
-    for label in ("measured, Table C.1", "simulated: thesis fit", "eq. 4.6", "eq. 4.7", "misfit: thesis fit"):
+    for label in ("measured, Table C.1", "thesis fit", "catalogue", "formulas, eq. 4.6 and eq. 4.7"):
         assert label in page
 
 

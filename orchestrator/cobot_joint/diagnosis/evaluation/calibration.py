@@ -29,7 +29,7 @@ from cobot_joint.diagnosis.evaluation.score import rate
 from cobot_joint.diagnosis.evaluation.synthetic import COLOURS, SIZES, Concealer, Drawn
 from cobot_joint.diagnosis.findings import Diagnosis
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
-from cobot_joint.diagnosis.selection.confidence import INTERCEPT, features
+from cobot_joint.diagnosis.selection.confidence import COUNTED, INTERCEPT, features
 
 EFFECTS = (0.5, 0.4, 0.1)  # share of campaigns that conceal nothing, one, two: a false alarm is the worst of errors
 EDGES = (0.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0, np.inf)  # of sizes, for the table
@@ -127,7 +127,7 @@ def tables(rows: Sequence[Row]) -> str:
         lines.append(_rate(name, [e["named"] for e in large if e["name"].split(".")[1] == name]))
     findings = [f for r in rows for f in r["findings"]]
     lines += ["", "| confidence given | findings | true | 95 % |", "|---|---|---|---|"]
-    for low, high in ((0.0, 0.5), (0.5, 0.8), (0.8, 0.9), (0.9, 0.95), (0.95, 0.98), (0.98, 1.01)):
+    for (low, high), *_ in COUNTED:
         given = [f["true"] for f in findings if low <= f["confidence"] < high]
         lines.append(_rate(f"{low:g} to {min(high, 1):g}", given))
     squares = [(f["confidence"] - f["true"]) ** 2 for f in findings]

@@ -11,9 +11,10 @@ from plotly.subplots import make_subplots
 
 from cobot_joint.diagnosis.localization.change_points import WINDOW
 from cobot_joint.diagnosis.repair.compare import Comparison
-from cobot_joint.diagnosis.report.pictures import COLOUR, Picture, as_html
+from cobot_joint.diagnosis.report.pictures import Picture, as_html
+from cobot_joint.results.figures import COLOUR
 
-FINE, OFF, EVEN = COLOUR["nominal"], COLOUR["calibrated"], "#dddddd"
+FINE, OFF, EVEN = COLOUR["repaired"], COLOUR["calibrated"], "rgba(128,128,128,0.35)"
 LEAST = 1e-3  # chi-square per sample above noise that is still drawn
 MOST = 6  # variables
 
@@ -53,7 +54,7 @@ def parts_picture(parts: Sequence[Mapping[str, Any]]) -> Picture:
             name=name,
         )
     figure.update_yaxes(categoryorder="array", categoryarray=[row[0] for row in rows], automargin=True)
-    figure.update_xaxes(type="log", title_text="chi-square per sample above noise")
+    figure.update_xaxes(type="log", title_text="chi-square per sample above noise [1]")
     figure.update_layout(height=120 + 42 * len(rows))
     words = (
         "Each part of the system alone, driven by what was recorded at its ports and re-fitted inside its tolerances."
@@ -93,7 +94,7 @@ def conditions_picture(regimes: Mapping[str, Sequence[Mapping[str, Any]]]) -> Pi
                 legendgroup=name, showlegend=k == 0, row=k // 3 + 1, col=k % 3 + 1,
             )  # fmt: skip
     figure.update_yaxes(rangemode="tozero")
-    figure.update_yaxes(title_text="%", col=1)
+    figure.update_yaxes(title_text="share [%]", col=1)
     figure.update_layout(barmode="group", height=110 + 210 * -(-len(chosen) // 3))
     words = "Where the two bars of a level differ, the difference depends on that variable; what matters most is first."
     return Picture("By operating condition", words, as_html(figure))
@@ -116,9 +117,11 @@ def time_picture(c: Comparison, changes: Sequence[Mapping[str, Any]], noise: Map
         for change in changes:
             if (change["recording"], change["channel"]) == (c.recording.name, channel):
                 dash = "dot" if change["driven"] else "solid"
-                figure.add_vline(x=change["time"], line={"color": "#333333", "width": 1, "dash": dash}, row=row, col=1)
-        figure.update_yaxes(type="log", title_text=channel, row=row, col=1)
-    figure.update_xaxes(title_text="time / s", row=len(channels), col=1)
+                figure.add_vline(
+                    x=change["time"], line={"color": COLOUR["recorded"], "width": 1, "dash": dash}, row=row, col=1
+                )
+        figure.update_yaxes(type="log", title_text=f"{channel}<br>chi-square [1]", row=row, col=1)
+    figure.update_xaxes(title_text="time [s]", row=len(channels), col=1)
     figure.update_layout(height=100 + 110 * len(channels))
     words = (
         "Squared error of the calibrated system over the noise's variance, 1 is noise. "

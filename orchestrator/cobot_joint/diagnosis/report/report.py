@@ -14,20 +14,14 @@ import numpy as np
 
 from cobot_joint.diagnosis.data.conditioning import ChannelQuality
 from cobot_joint.diagnosis.repair.compare import Comparison
-from cobot_joint.diagnosis.repair.gate import removed
-from cobot_joint.diagnosis.report import pictures
+from cobot_joint.diagnosis.report import headline, overlays, pictures
+from cobot_joint.diagnosis.report.chain import chain_of, marked
+from cobot_joint.diagnosis.report.headline import TermText, number, percent, pretty_unit
 from cobot_joint.diagnosis.report.localization_pictures import located_pictures
+from cobot_joint.diagnosis.report.pictures import Picture
 from cobot_joint.diagnosis.report.words import pulses
 from cobot_joint.files import write_atomically
-
-
-@dataclass(frozen=True)
-class TermText:
-    """What a unit's annotation says of a term."""
-
-    title: str
-    equation: str = ""
-    source: str = ""
+from cobot_joint.system.model import System
 
 
 @dataclass(frozen=True)
@@ -44,6 +38,8 @@ class ReportData:
     terms: Mapping[str, TermText] = field(default_factory=dict)  # component.term -> its texts
     tried: Sequence[tuple[str, float]] = ()  # term, chi-square that it alone would take away; the best first
     provenance: Mapping[str, str] = field(default_factory=dict)
+    system: System | None = None  # that of the fullest set-up, to be drawn
+    own_pictures: Sequence[Picture] = ()  # of what is no run over time; the first says most
 
 
 def write_report(path: Path, data: ReportData) -> None:
@@ -58,22 +54,35 @@ def render(data: ReportData) -> str:
         loader=jinja2.PackageLoader("cobot_joint.diagnosis.report", "."),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
-    environment.filters |= {"number": number, "percent": percent}
+    environment.filters |= {"number": number, "percent": percent, "unit": pretty_unit}
     d = data.diagnosis
+    noise = {name: c["noise"] or 0.0 for name, c in d["channels"].items()}
+    first = overlays.held_out_first(data.compared, noise)
+    shown = [overlays.before_after(first, noise, data.units, bool(d["findings"]))] if first else []
     return environment.get_template("report.html.jinja").render(
         title=data.title,
-        verdict=verdict_sentence(d, data.terms),
-        verdict_kind=d["verdict"],
-        findings=[_finding(f, data.terms) for f in d["findings"]],
-        channels=_channels(d, data.units),
-        has_holdout=any("holdout" in c for c in d["channels"].values()),
-        improvement=improvement(d),
+        verdict=headline.verdict_sentence(d, data.terms),
+        verdict_kind="undecided" if d.get("repair") == "withheld" else d["verdict"],
+        chains=_chains(data),
+        findings=[_finding(f, d, data.terms) for f in d["findings"]],
+        errors=headline.errors(d, data.units),
+        held_out=any("holdout" in c for c in d["channels"].values()),
+        next_step=headline.next_step(d),
+        overlay=next(iter([*shown, *data.own_pictures]), None),
+        channels=[{"name": name, "unit": data.units.get(name, ""), **c} for name, c in d["channels"].items()],
+        fit_pictures=[pictures.before_and_after(d), *data.own_pictures[0 if shown else 1 :]],
+        finding_pictures=pictures.of_findings(d["findings"]),
+        recorded=[overlays.whole(c, data.quality, data.units) for c in data.compared],
+        dependence=_dependence(data, noise),
+        readings=d.get("readings", ()),
+        discrepancy=d.get("discrepancy", ()),
+        notes=d.get("notes", ()),
         parameters=_parameters(d, data),
-        tried=[(term, _title(term, data.terms), gain) for term, gain in data.tried],
-        next_experiment=d.get("next_experiment"),
+        tried=[(term, headline.title_of(term, data.terms), gain) for term, gain in data.tried],
         where=_where(d, data.compared),
-        pictures=pictures.all_pictures(data.compared, d, data.quality, data.units),
         script=pictures.script(),
         recordings=[_recording(c) for c in data.compared],
         quality=[(name, data.units.get(name, ""), q) for name, q in data.quality.items()],
@@ -81,72 +90,30 @@ def render(data: ReportData) -> str:
     )
 
 
-def verdict_sentence(d: Mapping[str, Any], terms: Mapping[str, TermText]) -> str:
-    """The answer in one sentence."""
-    findings = d["findings"]
-    if d["verdict"] == "nothing_missing" and d.get("discrepancy"):
-        return "Nothing is worth a name: what the system leaves is a background that no listed term predicts better."
-    if d["verdict"] == "nothing_missing":
-        return "Nothing is missing: inside its tolerances the system explains these recordings down to the noise."
-    if not findings:
-        return "The recordings differ from the system by more than noise and tolerances, and no explanation stands out."
-    if d.get("repair") == "withheld":
-        return f"Undecided: {_suspects(findings, terms)} fits, but does not predict: the repair is withheld."
-    named = [f for f in findings if not f.get("shape")]
-    parts = [f"{_title(f['term'], terms)} in {f['component']} ({percent(f.get('confidence'))} sure)" for f in named]
-    others = [
-        f"an effect that is on no list, at {f['component']} ({percent(f.get('confidence'))} sure)"
-        for f in findings
-        if f not in named
-    ]
-    better = improvement(d)
-    tail = (
-        "" if better is None else f"; modelling it removes {percent(better[0])} of the error above the noise{better[1]}"
-    )
-    return f"The model lacks {' and '.join(parts + others)}{tail}."
+def _dependence(data: ReportData, noise: Mapping[str, float]) -> list[Picture]:
+    """What is left over every recorded signal; of tables there are too few rows."""
+    runs = [c for c in data.compared if not c.recording.scatter]
+    return [overlays.over_signals(runs, noise, data.units)] if runs else []
 
 
-def _suspects(findings: Sequence[Mapping[str, Any]], terms: Mapping[str, TermText]) -> str:
-    """Titles and places, without a claim."""
-    titles = ["an effect that is on no list" if f.get("shape") else _title(f["term"], terms) for f in findings]
-    return " and ".join(f"{title} in {f['component']}" for title, f in zip(titles, findings, strict=True))
+def _chains(data: ReportData) -> list[dict[str, Any]]:
+    """The chain of units in a row and upright; none where the system is not known."""
+    if data.system is None:
+        return []
+    d = data.diagnosis
+    found: dict[str, list[str]] = {}
+    for n, f in enumerate(d["findings"], 1):
+        title = "effect on no list" if f.get("shape") else headline.title_of(f["term"], data.terms)
+        found.setdefault(f["component"], []).append(f"{n}. {title.partition(' (')[0]}")
+    possible = {term.split(".")[0] for f in d["findings"] for term in f.get("equivalent") or []}
+    if not found and d["verdict"] == "undecided":
+        possible = set((d.get("located") or {}).get("components", {}).get("suspects", ()))
+    places = chain_of(data.system, list(d["channels"]))
+    return [marked(places, found, possible, upright) for upright in (False, True)]
 
 
-def improvement(d: Mapping[str, Any]) -> tuple[float, str] | None:
-    """Share of the squared error above noise that the repair removes, and in which runs; None: none to say."""
-    found = removed(d["channels"])
-    return found and (found[0], {"holdout": ", in runs that it has not seen", "train": ""}[found[1]])
-
-
-def number(x: float | None, digits: int = 3) -> str:
-    """Short, with the digits that matter."""
-    if x is None:
-        return "–"
-    text = f"{x:.{digits}g}"
-    if "e" in text:
-        mantissa, exponent = text.split("e")
-        return f"{mantissa}·10{str(int(exponent)).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
-    return text.replace("-", "−")
-
-
-def percent(x: float | None) -> str:
-    """0.98 -> 98 %; never 100 % for less than all."""
-    if x is None:
-        return "–"
-    return f"{100 * x:.0f} %" if x <= 0.99 or x >= 1 else f"{100 * min(x, 0.999):.1f} %"
-
-
-def _title(term: str, terms: Mapping[str, TermText]) -> str:
-    """A term's title without what follows its colon."""
-    return terms[term].title.split(":")[0] if term in terms else _words(term.split(".", 1)[-1])
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ")
-
-
-def _finding(f: Mapping[str, Any], terms: Mapping[str, TermText]) -> dict[str, Any]:
-    text = terms.get(f["term"], TermText(_title(f["term"], terms)))
+def _finding(f: Mapping[str, Any], d: Mapping[str, Any], terms: Mapping[str, TermText]) -> dict[str, Any]:
+    text = terms.get(f["term"], TermText(headline.title_of(f["term"], terms)))
     where = f.get("where") or {}
     shown = [f["words"]] if f.get("words") else [str(where[k]) for k in ("recording", "regime") if where.get(k)]
     return {
@@ -155,12 +122,13 @@ def _finding(f: Mapping[str, Any], terms: Mapping[str, TermText]) -> dict[str, A
         "component": f["component"],
         "equation": text.equation,
         "source": text.source,
-        "confidence": f.get("confidence"),
+        "large": headline.how_large(f, terms),
+        "sure": headline.how_sure(f, d),
         "onset": f.get("onset"),
         "at_times": bool(f.get("load_history")),
         "where": shown,
         "parameters": f.get("parameters") or {},
-        "equivalent": [(term, _title(term, terms)) for term in f.get("equivalent") or []],
+        "equivalent": [(term, headline.title_of(term, terms)) for term in f.get("equivalent") or []],
         "shape": _shape(f.get("shape")) or _loads(f.get("load_history")),
     }
 
@@ -202,10 +170,6 @@ def _loads(history: Mapping[str, Any] | None) -> str | None:
     return f"at {history['port']}: {'; '.join(said)}"
 
 
-def _channels(d: Mapping[str, Any], units: Mapping[str, str]) -> list[dict[str, Any]]:
-    return [{"name": name, "unit": units.get(name, ""), **c} for name, c in d["channels"].items()]
-
-
 def _parameters(d: Mapping[str, Any], data: ReportData) -> list[dict[str, Any]]:
     """The repaired system's base parameters beside what was specified and what was calibrated with nothing added, and
     where in the tolerance each lies: 0 at its lower, 1 at its upper bound.
@@ -234,7 +198,7 @@ def _recording(c: Comparison) -> dict[str, Any]:
     r = c.recording
     return {
         "name": r.name,
-        "role": r.role,
+        "role": overlays.ROLES[r.role],
         "setup": r.setup,
         "seconds": float(r.time[-1] - r.time[0]),
         "step": r.step,

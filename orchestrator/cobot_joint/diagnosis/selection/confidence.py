@@ -10,6 +10,15 @@ COEFFICIENTS = (-3.25, -1.17, -0.73)
 BESIDE = (-3.0, 5.0)  # beside a background: intercept, and per decade of what is left
 LEAST_LEFT, MOST = 1e-3, 0.95
 LEFT = 500.0  # chi-square of slow structure from which on something is left
+# (from, below), findings, true ones among them: counted on 500 drawn campaigns (docs/diagnosis-calibration.md)
+COUNTED = (
+    ((0.0, 0.5), 6, 1),
+    ((0.5, 0.8), 7, 2),
+    ((0.8, 0.9), 7, 5),
+    ((0.9, 0.95), 65, 63),
+    ((0.95, 0.98), 118, 116),
+    ((0.98, 1.01), 0, 0),
+)
 
 
 def features(gain: float, left: float, unlisted: bool) -> tuple[float, float, float]:
@@ -35,3 +44,8 @@ def beside_background(taken: float) -> float:
     """
     score = BESIDE[0] + BESIDE[1] * math.log10(1 / max(1 - taken, LEAST_LEFT))
     return round(min(1 / (1 + math.exp(-score)), MOST), 3)
+
+
+def counted(given: float) -> tuple[tuple[float, float], int, int]:
+    """(confidences from and below, findings, true ones among them) of the count's row for this confidence."""
+    return next(row for row in COUNTED if row[0][0] <= given < row[0][1])

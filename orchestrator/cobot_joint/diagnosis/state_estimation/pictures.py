@@ -8,8 +8,9 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from cobot_joint.diagnosis.state_estimation.discrepancy import Curve, PortDiscrepancy
+from cobot_joint.results.figures import COLOURS
 
-LINE, BAND = "#1f6fb2", "rgba(31, 111, 178, 0.2)"
+LINE, BAND = COLOURS[0], "rgba(0, 114, 178, 0.2)"
 POINTS = 2000  # of a curve over time
 
 

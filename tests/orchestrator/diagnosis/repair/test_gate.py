@@ -6,7 +6,7 @@ import pytest
 
 from cobot_joint.diagnosis.findings import Diagnosis, Finding
 from cobot_joint.diagnosis.repair.gate import calibration_misleads, judged, removed
-from cobot_joint.diagnosis.report.report import verdict_sentence
+from cobot_joint.diagnosis.report.headline import verdict_sentence
 from cobot_joint.diagnosis.run import judge
 
 WHERE = {"recording": "a", "channel": "w", "time": [0.0, 1.0], "by_recording": {"a": 1.0}, "by_regime": []}

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import re
+import shutil
+import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +16,14 @@ from lxml import html
 from cobot_joint.diagnosis.data.conditioning import assess
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.repair.compare import VARIANTS, compare
-from cobot_joint.diagnosis.report.report import ReportData, TermText, number, percent, render, write_report
+from cobot_joint.diagnosis.report.chain import chain_of
+from cobot_joint.diagnosis.report.headline import TermText, how_sure, number, percent
+from cobot_joint.diagnosis.report.overlays import LEVELS, binned, over_signals
+from cobot_joint.diagnosis.report.pictures import of_panels
+from cobot_joint.diagnosis.report.report import ReportData, render, write_report
+from cobot_joint.diagnosis.selection.confidence import COUNTED, confidence
+from cobot_joint.results.figures import COLOUR, Curve, Panel
+from cobot_joint.system import load_system
 
 T = np.arange(3000) * 1e-3
 FINDING = {
@@ -133,6 +144,139 @@ def test_the_report_loads_nothing_from_elsewhere(tmp_path: Path) -> None:
 
 def test_words_of_a_campaign_are_text_and_never_markup() -> None:
     assert "<script>alert" not in render(data("undecided", [], title="<script>alert(1)</script>"))
+
+
+@pytest.mark.parametrize(
+    ("verdict", "findings"),
+    [("nothing_missing", []), ("explained", [FINDING]), ("unlisted", [UNLISTED]), ("undecided", [])],
+)
+def test_the_chain_of_units_and_an_overlay_stand_before_what_is_folded(verdict: str, findings: list[dict]) -> None:
+    given = replace(data(verdict, findings), system=load_system("joint_logged"))
+    root = html.fromstring(render(given))
+    assert len(root.xpath("//svg[not(ancestor::details)]")) == 2  # in a row and upright
+    assert len(root.xpath("//*[@class='plot'][not(ancestor::details)]")) == 1
+    marked = {g.xpath("string(.//text[@class='name'])") for g in root.xpath("//g[@class='found']")}
+    assert marked == {f["component"] for f in findings}
+
+
+def test_units_on_one_shaft_are_joined_by_it_and_the_logger_stands_apart() -> None:
+    links = {place.name: place.link for place in chain_of(load_system("joint_logged"), ["w_motor"])}
+    shafts = ("motor_bldc", "planetary_gear", "torque_sensor")
+    assert links == dict.fromkeys(shafts, "shaft") | {"mr_brake_belt": "", "acquisition": ""}
+
+
+def test_a_twin_in_another_unit_is_marked_as_possible() -> None:
+    given = replace(data("explained", [FINDING]), system=load_system("joint_logged"))
+    root = html.fromstring(render(given))
+    assert {g.xpath("string(.//text[@class='name'])") for g in root.xpath("//g[@class='possible']")} == {"motor_bldc"}
+
+
+def sure(gain: float, left: float, given: float | None = None, **further: object) -> str:
+    finding = FINDING | {"evidence": gain, "confidence": confidence(gain, left) if given is None else given}
+    d = data("explained", [finding]).diagnosis | {"structure": {"repaired": left}} | further
+    return how_sure(d["findings"][0], d)
+
+
+def test_a_counted_confidence_comes_with_its_count() -> None:
+    assert confidence(1e5, 0.0) == 0.95
+    assert (
+        sure(1e5, 0.0) == "95 %; of 118 findings given 95 to 98 % on drawn machines with known answers 116 were right"
+    )
+
+
+@pytest.mark.parametrize(
+    ("said", "why"),
+    [
+        (sure(1e5, 0.0, 0.7), "set by hand so far"),
+        (sure(1e5, 0.0, 0.7, structure={}), "along the recorded motion the confidence is set by hand so far"),
+        (sure(1e5, 0.0, readings=[]), "frequency responses have not been counted"),
+        (sure(1e5, 0.0, 0.45, repair="withheld"), "less than even"),
+    ],
+)
+def test_a_confidence_that_was_not_counted_says_so(said: str, why: str) -> None:
+    assert why in said
+    assert "were right" not in said
+
+
+def test_counts_are_those_of_the_documentation(root: Path) -> None:
+    text = (root / "docs" / "diagnosis-calibration.md").read_text(encoding="utf-8")
+    rows = text.split("| confidence given |")[1].split("\n\n")[0].splitlines()[2:]
+    table = [[cell.strip() for cell in row.strip("|").split("|")] for row in rows]
+    assert [(f"{low:g} to {min(high, 1):g}", str(n), str(right)) for (low, high), n, right in COUNTED] == [
+        tuple(row[:3]) for row in table
+    ]
+
+
+def test_amplitudes_over_frequency_are_reported_without_runs_over_time() -> None:
+    omega = np.array([1.0, 10.0, 100.0])
+    curves = [Curve("recorded", omega, omega, "markers"), Curve("repaired", omega, omega)]
+    drawn = of_panels([Panel("amplitude [dB]", curves)], "omega [rad/s]", "Before and after", "")
+    given = data("explained", [FINDING])
+    reading = {"name": "as given", "nominal": 0.1, "calibrated": 0.05, "repaired": 0.01, "terms": ["a.b"]}
+    d = given.diagnosis | {"readings": [reading]}
+    text = render(replace(given, diagnosis=d, compared=[], quality={}, own_pictures=[drawn]))
+    first = html.fromstring(text).xpath("//*[@class='plot'][not(ancestor::details)]")
+    assert [json.loads(place.getnext().text)["layout"]["yaxis"]["title"]["text"] for place in first] == [
+        "amplitude<br>[dB]"
+    ]
+    rows = [[cell.text_content() for cell in row] for row in html.fromstring(text).iter("tr")]
+    assert ["as given", "0.1", "0.05", "0.01", "a.b"] in rows
+
+
+def test_rows_of_a_table_are_drawn_over_rows_and_not_over_time() -> None:
+    given = data("explained", [FINDING])
+    given.compared[0].recording.scatter = {"w": 1.0}
+    text = render(given)
+    assert "row of the table" in text
+    assert "time [s]" not in text.split("Where the recordings")[0].split("plotly.js v")[0]
+
+
+def test_figures_that_are_drawn_can_be_read_from_the_page() -> None:
+    root = html.fromstring(render(data("unlisted", [UNLISTED])))
+    places = root.xpath("//*[@class='plot']")
+    figures = [json.loads(place.getnext().text) for place in places]
+    assert len(places) == 5  # before and after, the recording, over signals, errors over noise, the table
+    assert all(figure["data"] for figure in figures)
+    recorded = [t for f in figures for t in f["data"] if t.get("name") == "recorded"]
+    assert {t["line"]["color"] for t in recorded} == {COLOUR["recorded"]}
+
+
+def test_friction_that_is_missing_shows_over_speed() -> None:
+    speed = np.sin(20 * T)
+    r = Recording("run", "train", "loaded", T, {"v": speed}, {"i": 0.1 * np.sign(speed)}, {"v": "rad/s", "i": "A"})
+    (c,) = compare(
+        [r], {v: lambda r, k=k: {"i": k * r.outputs["i"]} for v, k in zip(VARIANTS, (0.0, 0.0, 1.0), strict=True)}
+    )
+    drawn = json.loads(html.fragments_fromstring(over_signals([c], {"i": 0.01}, {"i": "A"}).html)[1].text)
+    over_speed = {t["name"]: t for t in drawn["data"] if t.get("xaxis", "x") == "x"}
+    assert drawn["layout"]["xaxis"]["title"]["text"] == "v [rad/s]"
+    assert drawn["layout"]["yaxis"]["title"]["text"] == "left of i<br>[A]"
+    assert set(over_speed) == {"calibrated", "repaired"}
+
+
+def test_means_by_level_follow_a_dependence() -> None:
+    x = np.random.default_rng(0).uniform(-1, 1, 10_000)
+    middle, mean = binned(x, np.sign(x))
+    assert len(middle) == LEVELS
+    assert mean[[0, 5, -5, -1]].tolist() == [-1, -1, 1, 1]
+    assert binned(np.zeros(5), np.ones(5))[1].tolist() == [1.0]
+
+
+@pytest.mark.long
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="chromium is not installed")
+def test_the_report_prints_on_ten_pages_at_most(tmp_path: Path) -> None:
+    write_report(tmp_path / "report.html", data("unlisted", [UNLISTED]))
+    options = [
+        "--headless=new",
+        "--no-sandbox",
+        f"--user-data-dir={tmp_path / 'profile'}",
+        "--virtual-time-budget=8000",
+    ]
+    target = tmp_path / "report.pdf"
+    subprocess.run(
+        ["chromium", *options, f"--print-to-pdf={target}", (tmp_path / "report.html").as_uri()], check=True, timeout=120
+    )
+    assert 2 <= len(re.findall(rb"/Type\s*/Page\b", target.read_bytes())) <= 10
 
 
 def test_numbers_read_as_people_write_them() -> None:

@@ -1,0 +1,178 @@
+"""The report's first screen in words: what is missing, how large, how sure and on what ground, what to do next."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from cobot_joint.diagnosis.repair.gate import removed
+from cobot_joint.diagnosis.report.words import load_history
+from cobot_joint.diagnosis.selection.confidence import confidence, counted
+
+Json = Mapping[str, Any]
+SEEN = 1e-9  # of what is compared: noise below it is what rounding leaves
+
+
+@dataclass(frozen=True)
+class TermText:
+    """What a unit's annotation says of a term. parameters: name within the term -> what it is."""
+
+    title: str
+    equation: str = ""
+    source: str = ""
+    parameters: Mapping[str, str] = field(default_factory=dict)
+
+
+def verdict_sentence(d: Json, terms: Mapping[str, TermText]) -> str:
+    """The answer in one sentence."""
+    findings = d["findings"]
+    if d["verdict"] == "nothing_missing" and d.get("discrepancy"):
+        return "Nothing is worth a name: what the system leaves is a background that no listed term predicts better."
+    if d["verdict"] == "nothing_missing":
+        return "Nothing is missing: inside its tolerances the system explains these recordings down to the noise."
+    if not findings:
+        return "The recordings differ from the system by more than noise and tolerances, and no explanation stands out."
+    if d.get("repair") == "withheld":
+        return f"Undecided: {_suspects(findings, terms)} fits, but does not predict: the repair is withheld."
+    named = [f for f in findings if not f.get("shape")]
+    parts = [f"{title_of(f['term'], terms)} in {f['component']} ({percent(f.get('confidence'))} sure)" for f in named]
+    others = [
+        f"an effect that is on no list, at {f['component']} ({percent(f.get('confidence'))} sure)"
+        for f in findings
+        if f not in named
+    ]
+    better = improvement(d)
+    tail = (
+        "" if better is None else f"; modelling it removes {percent(better[0])} of the error above the noise{better[1]}"
+    )
+    return f"The model lacks {' and '.join(parts + others)}{tail}."
+
+
+def _suspects(findings: Sequence[Json], terms: Mapping[str, TermText]) -> str:
+    """Titles and places, without a claim."""
+    titles = ["an effect that is on no list" if f.get("shape") else title_of(f["term"], terms) for f in findings]
+    return " and ".join(f"{title} in {f['component']}" for title, f in zip(titles, findings, strict=True))
+
+
+def improvement(d: Json) -> tuple[float, str] | None:
+    """Share of the squared error above noise that the repair removes, and in which runs; None: none to say."""
+    found = removed(d["channels"])
+    return found and (found[0], {"holdout": ", in runs that it has not seen", "train": ""}[found[1]])
+
+
+def how_large(f: Json, terms: Mapping[str, TermText]) -> list[str]:
+    """Its parameters in words, with units and intervals."""
+    known = terms.get(f["term"], TermText("")).parameters
+    said = []
+    for name, p in f.get("parameters", {}).items():
+        unit = "" if p["unit"] in ("", "1") else f" {pretty_unit(p['unit'])}"
+        interval = " ({} to {})".format(*interval_of(*p["ci95"])) if p.get("ci95") else ""
+        said.append(f"{known.get(name) or name}: {number(p['value'])}{unit}{interval}")
+    if history := load_history(f.get("load_history")):
+        said.append(history)
+    if shape := f.get("shape"):
+        table = shape.get("table")
+        size = (
+            f"up to {number(max(map(abs, table['value'])))} {pretty_unit(shape['unit'])}" if table else shape["formula"]
+        )
+        said.append(
+            f"{size} at {shape['port']}; explains {percent(min(shape.get('explains') or 0.0, 1.0))} of what was left"
+        )
+    return said
+
+
+def errors(d: Json, units: Mapping[str, str]) -> list[str]:
+    """Per channel the error before and after, on held-out runs where there are some."""
+    role = "holdout" if any("holdout" in c for c in d["channels"].values()) else "train"
+    said = []
+    for name, c in d["channels"].items():
+        if role not in c or c[role]["calibrated"] is None:
+            continue
+        before, after, unit = c[role]["calibrated"], c[role]["repaired"], units.get(name) or ""
+        change = f"{number(before)} → {number(after)}" if d["findings"] else number(before)
+        noise = f", noise {number(c['noise'])}" if (c["noise"] or 0.0) > SEEN * max(before, after or 0.0) else ""
+        said.append(f"{name}: {change} {'' if unit == '1' else pretty_unit(unit)}{noise}")
+    return said
+
+
+def how_sure(f: Json, d: Json) -> str:
+    """The confidence, and what it was counted on; where nothing was counted, that."""
+    given = f.get("confidence")
+    if given is None:
+        return "not known"
+    said = percent(given)
+    if d.get("repair") == "withheld":
+        return f"{said}: less than even, since it does not predict"
+    if "readings" in d:
+        return f"{said}; findings from frequency responses have not been counted"
+    left = (d.get("structure") or {}).get("repaired")
+    if left is None or not f.get("evidence"):
+        return f"{said}; along the recorded motion the confidence is set by hand so far, no count stands behind it"
+    if given != confidence(f["evidence"], left, bool(f.get("shape"))):
+        return f"{said}, by what the recorded motion says; set by hand so far, no count stands behind it"
+    (low, high), findings, right = counted(given)
+    if not findings:
+        return f"{said}; no finding as sure as this has been counted"
+    return (
+        f"{said}; of {findings} findings given {100 * low:.0f} to {100 * min(high, 1):.0f} % on drawn machines with "
+        f"known answers {right} were right"
+    )
+
+
+def next_step(d: Json) -> str:
+    """What to do now."""
+    if d.get("next_experiment"):
+        return str(d["next_experiment"])
+    if d["verdict"] == "nothing_missing":
+        return "Nothing has to be added. The calibrated values below fit best; repaired.ssp has them."
+    if d.get("repair") == "withheld":
+        return "Do not use the repair. See below where the difference lies, and record a longer run with more movement."
+    if not d["findings"]:
+        return "See below where the difference lies: by component, condition and time."
+    tested = any("holdout" in c for c in d["channels"].values())
+    use = "repaired.ssp has it modelled, and opens in other simulators."
+    return use if tested else f'{use} Record one more run and give it role = "holdout": the repair is untested.'
+
+
+def title_of(term: str, terms: Mapping[str, TermText]) -> str:
+    """A term's title without what follows its colon; of a base parameter its name."""
+    if term in terms:
+        return terms[term].title.split(":")[0]
+    name = term.split(".", 1)[-1]
+    return f"{name} outside its tolerance" if "." in name else name.replace("_", " ")
+
+
+def first_clause(description: str | None) -> str:
+    """`time constant` of `time constant, 1/(2 pi f_c); 0: no filter`"""
+    return re.split(r"[,;:(]", description or "")[0].strip()
+
+
+def interval_of(lower: float, upper: float) -> tuple[str, str]:
+    """Both ends, with as many digits as it takes to tell them apart, up to six."""
+    digits = next((n for n in range(3, 6) if number(lower, n) != number(upper, n)), 6)
+    return number(lower, digits), number(upper, digits)
+
+
+def pretty_unit(unit: str) -> str:
+    """`kg.m2` as kg.m²"""
+    return re.sub(r"(?<=[A-Za-z])\d", lambda digit: "⁰¹²³⁴⁵⁶⁷⁸⁹"[int(digit[0])], unit)
+
+
+def number(x: float | None, digits: int = 3) -> str:
+    """Short, with the digits that matter."""
+    if x is None:
+        return "–"
+    text = f"{x:.{digits}g}"
+    if "e" in text:
+        mantissa, exponent = text.split("e")
+        return f"{mantissa}·10{str(int(exponent)).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
+    return text.replace("-", "−")
+
+
+def percent(x: float | None) -> str:
+    """0.98 -> 98 %; never 100 % for less than all."""
+    if x is None:
+        return "–"
+    return f"{100 * x:.0f} %" if x <= 0.99 or x >= 1 else f"{100 * min(x, 0.999):.1f} %"

@@ -26,7 +26,7 @@ POINTS = 4000  # of a channel in a picture
 
 
 def inspect(
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Recordings: CSV, Parquet, MAT, MDF.")],
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Recordings: CSV, Parquet, MAT, MDF, MCAP.")],
     system: Annotated[
         str | None,
         typer.Option(help="A shipped system by name, or an .ssd or .ssp file: writes a first campaign.toml."),

@@ -99,7 +99,7 @@ def brake(p: Point) -> list[float]:
 
 def load(p: Point) -> list[float]:
     w, m, lead = p["w"], p["body.m"], p["body.lead"]
-    J = p["body.J"] + m * (lead**2 + p["body.r"] ** 2)
+    J = p["body.J"] + p["J_variable"] + m * (lead**2 + p["body.r"] ** 2)
     if p["motion.source"] == 2:  # imposed: friction alone
         return [p["tau_f"] * w, -bristles(p)]
     given = [p["tau"] * w, p["tau_add"] * w, lead * p["F_add"] * w, -p["tau_g"] * w]

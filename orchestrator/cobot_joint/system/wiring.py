@@ -173,14 +173,15 @@ def check(system: System) -> None:
 def unconnected(system: System) -> list[tuple[str, float, str]]:
     """Torques, forces and voltages that nothing gives: (`component.variable`, the value it stays at, its unit).
 
-    Additive inputs are left out: these are there for what is not modelled.
+    Left out are additive inputs, which are there for what is not modelled, and those that the system gives a value.
     """
     fed = {(c.sink_component, c.sink) for c in system.connections}
     return [
-        (f"{c.name}.{v.name}", float(c.parameters.get(v.name, v.start or 0.0)), c.unit.unit_of(v.name) or "1")
+        (f"{c.name}.{v.name}", float(v.start or 0.0), c.unit.unit_of(v.name) or "1")
         for c in system.components
         for v in c.unit.variables.values()
         if v.causality == "input" and (c.name, v.name) not in fed and not v.name.endswith(ADDITIVE)
+        and v.name not in c.parameters
         and (base := c.unit.units.get(c.unit.unit_of(v.name) or "")) is not None and spell(base) in EFFORTS
     ]  # fmt: skip
 

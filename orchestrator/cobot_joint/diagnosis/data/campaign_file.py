@@ -62,18 +62,21 @@ Scale = Annotated[float, Field(allow_inf_nan=False)] | str  # a number, or a qua
 
 
 class ColumnEntry(_Model):
-    """What [channels] says of a column, where a connector's name is not enough: x = sign*scale*column + offset."""
+    """What [channels] says of a column, where a name is not enough: x = sign*scale*column + offset, or its rate."""
 
     to: str  # the connector
     scale: Scale | None = None
     sign: Literal[1, -1] | None = None
     offset: Scale = 0.0
+    derivative: bool = False  # a position's column for a speed's connector
 
     @property
     def column(self) -> Column:
         """As a recording is read with it. Whoever gives a scale or sign has looked at it."""
         looked = self.scale is not None or self.sign is not None
-        return Column(self.to, 1.0 if self.scale is None else self.scale, self.sign or 1, self.offset, looked)
+        return Column(
+            self.to, 1.0 if self.scale is None else self.scale, self.sign or 1, self.offset, self.derivative, looked
+        )
 
 
 Values = dict[str, float | bool | str]  # `component.parameter` -> number, choice or quantity

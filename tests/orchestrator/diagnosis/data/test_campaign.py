@@ -166,7 +166,7 @@ def test_a_column_in_percent_of_a_rated_value_is_read_with_that_value_as_its_sca
         (('"qm [mm]" = "axis.s"', '"qm" = { to = "axis.s", scale = "2 V" }'), "one that converts to 'm' is needed"),
         (
             ('"qm [mm]" = "axis.s"', '"qm" = { to = "axis.s", gain = 2 }'),
-            "no such key, allowed are to, scale, sign, offset",
+            "no such key, allowed are to, scale, sign, offset, derivative",
         ),
         (
             ('"qm [mm]" = "axis.s"', '"qm" = { to = "axis.s", sign = 2 }'),

@@ -1,4 +1,4 @@
-"""Recorded files as raw channels: Parquet by pyarrow, text by `delimited`, MAT by scipy and h5py, MDF and MCAP by theirs."""
+"""Recorded files as raw channels, each format by its library; text by `delimited`, HDF5 and bags by `nested`."""
 
 from __future__ import annotations
 

@@ -253,15 +253,13 @@ def connectors_of(
     system: Path, setup: str, logged: dict[str, Logged], channels: dict[str, str] | None = None
 ) -> dict[str, Connector]:
     """What recordings of a set-up may belong to: the logger's channels, and connectors that [channels] names."""
-    found = {
-        name: Connector(name, channel.causality, channel.unit)
-        for name, channel in logged.items()
-        if channel.setups is None or setup in channel.setups
-    }
+    here = {name: channel for name, channel in logged.items() if channel.setups is None or setup in channel.setups}
+    found = {n: Connector(n, c.causality, c.unit) for n, c in here.items() if c.causality and c.unit}
     channels = channels or {}
-    if set(channels.values()) <= set(logged) and found:
+    if set(channels.values()) <= set(logged) and found and len(found) == len(here):
         return found
     offered = system_connectors(system)
+    found |= {name: offered[name] for name in here if name not in found}
     for column, name in channels.items():
         if name not in logged and name not in offered:
             raise UserError(

@@ -47,8 +47,8 @@ class _Model(BaseModel):
 class Logged(_Model):
     """What the logger's data sheet says of a channel; what a recording then shows is estimated from the recording."""
 
-    unit: str
-    causality: Literal["input", "output"]
+    unit: str | None = None  # None: the connector's
+    causality: Literal["input", "output"] | None = None
     noise: Annotated[float, Field(gt=0)] | None = None  # 1 sigma
     colour: Annotated[float, Field(ge=0, lt=1)] | None = None  # correlation from sample to sample; None: as recorded
     step: Annotated[float, Field(ge=0)] | None = None  # of the converter

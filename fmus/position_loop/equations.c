@@ -17,9 +17,7 @@ static double wanted_voltage(const Unit *m) {
   return m->gains_k_v * speed_error(m) + (m->integrator_k_iv != 0 ? m->x_v : 0);
 }
 
-static double saturated(const Unit *m, double u) {
-  return clamp(u, -m->saturation_u_max, m->saturation_u_max);
-}
+static double saturated(const Unit *m, double u) { return clamp(u, -m->saturation_u_max, m->saturation_u_max); }
 
 static double control(const Unit *m) { return saturated(m, wanted_voltage(m)) + m->u_add; }
 

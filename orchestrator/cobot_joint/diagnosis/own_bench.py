@@ -135,7 +135,8 @@ def new(
     chain: Annotated[
         str | None,
         typer.Option(
-            help="Parts in a row: loop, motor, motion, gear, sensor, shaft, load, pendulum, screw, brake; friction."
+            help="Parts in a row: loop, motor, motion, gear, harmonic, sensor, shaft, load, pendulum, screw, brake; "
+            "friction."
         ),
     ] = None,
     from_: Annotated[str | None, typer.Option("--from", help="A system to start from, by name or file.")] = None,

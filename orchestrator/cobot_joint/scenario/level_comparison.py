@@ -1,4 +1,4 @@
-"""The same tests at every level of the model (thesis 4.1 to 4.3), with errors by part of the run beside the thesis's."""
+"""The same tests at every level of the model (thesis 4.1 to 4.3); errors by part of the run beside the thesis's."""
 
 from __future__ import annotations
 

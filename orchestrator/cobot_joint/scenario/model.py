@@ -253,7 +253,7 @@ class LevelComparison(BaseScenario):
     def printed(self, test: str, level: str, signal: str) -> dict[str, float]:
         """Part of the run -> the error that was reported."""
         rows = [r for r in self.reported if (r.test, r.level) == (test, level)]
-        return dict(rows[0].errors.get(signal, {})) if rows else {}
+        return {str(part): value for row in rows for part, value in row.errors.get(signal, {}).items()}
 
 
 Scenario = Annotated[

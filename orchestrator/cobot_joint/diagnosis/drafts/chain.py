@@ -66,6 +66,14 @@ PARTS: dict[str, Part] = {
                     "friction.tau_C", "friction.d"),
         fits={"mesh.eta": "6 %", "mesh.c": "30 %"} | FRICTION,
     ),
+    "harmonic": Part(
+        "harmonic_drive", "harmonic drive", before=("phi", "w", "tau"), after=("phi_o", "w_o", "tau_s"),
+        moves=("after",),
+        data_sheet=("ratio.N", "flex_spline.K_1", "flex_spline.K_2", "flex_spline.K_3", "flex_spline.T_1",
+                    "flex_spline.T_2", "wave_generator.J_coupled", "load_friction.mu", "output.J_o",
+                    "friction.tau_C", "friction.d"),
+        fits={"flex_spline.K_1": "30 %", "load_friction.mu": "30 %"} | FRICTION,
+    ),
     "sensor": Part(
         "torque_sensor", "torque sensor", before=("phi_o", "w_o", "tau_s"), after=("phi_p", "w_p", "tau_s"),
         data_sheet=("shaft.c_s", "shaft.d_s", "amplifier.tau_rated"),

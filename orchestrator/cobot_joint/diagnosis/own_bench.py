@@ -67,7 +67,8 @@ def _show(path: Path, i: Inspection) -> None:
     r = i.recording
     gaps = int(np.sum(~np.isfinite(next(iter(r.outputs.values())))))
     about = f"{len(r.time)} samples, {r.time[-1] - r.time[0]:.4g} s at {1 / r.step:.5g} Hz, {gaps} not recorded"
-    console.print(f"\n[bold]{escape(str(path))}[/bold]: clock {escape(str(i.log.clock))}, {about}", soft_wrap=True)
+    clock = escape(i.log.clock or "one per channel")
+    console.print(f"\n[bold]{escape(str(path))}[/bold]: clock {clock}, {about}", soft_wrap=True)
     grid = Table()
     for name in ("column", "unit", "from", "to", "noise", "step", "saturated", "missing"):
         grid.add_column(name, justify="left" if name in ("column", "unit") else "right")

@@ -331,6 +331,14 @@ def test_a_joint_that_comes_and_goes_in_a_bag_is_no_channel_and_says_why(tmp_pat
         read_log(path).find("joint_states.wrist.velocity")
 
 
+def test_a_bag_that_was_cut_is_refused_in_one_line(tmp_path: Path) -> None:
+    path = bag(tmp_path / "a.mcap")
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(UserError, match=r"a\.mcap: cannot be read as mcap: .+") as error:
+        read_log(path)
+    assert "\n" not in str(error.value)
+
+
 def test_a_bag_without_its_reader_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = bag(tmp_path / "a.mcap")
     monkeypatch.setitem(sys.modules, "mcap_ros2.decoder", None)

@@ -30,7 +30,7 @@ from cobot_joint.diagnosis.data.tables import read_table
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import System
 from cobot_joint.system.read import load_system
-from cobot_joint.system.wiring import warn_of_unconnected
+from cobot_joint.system.wiring import warn_of_unconnected, with_inputs
 
 
 @dataclass
@@ -51,8 +51,12 @@ class Campaign:
     parameters: Values = field(default_factory=dict)  # nominal values of this machine, as given
 
     def systems(self) -> dict[str, System]:
-        """Set-up -> its system with this machine's nominal values. UserError: one cannot be loaded or set."""
-        systems = {setup: load_system(path) for setup, path in self.setups.items()}
+        """Set-up -> its system with this machine's nominal values, and inputs of components where columns give them.
+
+        UserError: one cannot be loaded or set, or a column gives what is wired.
+        """
+        recorded = set(self.channels.values())
+        systems = {setup: with_inputs(load_system(path), recorded) for setup, path in self.setups.items()}
         return with_values(systems, self.parameters, f"{self.path}: [parameters]")
 
     @property

@@ -6,10 +6,29 @@ static double position_error(const Unit *m) { return m->phi_ref - m->phi + (m->s
 static double measured_speed(const Unit *m) { return m->w + m->v / m->gains_lead; }
 static double filtered_speed(const Unit *m) { return m->velocity_filter_T > 0 ? m->x_w : measured_speed(m); }
 
-/* clamp(k_v (k_p e - k_w w_f), -u_max, u_max) + u_add */
-static double control(const Unit *m) {
-  const double u = m->gains_k_v * (m->gains_k_p * position_error(m) - m->gains_k_w * filtered_speed(m));
-  return clamp(u, -m->saturation_u_max, m->saturation_u_max) + m->u_add;
+/* e_w = k_p e + x_p + k_ff w_ref - k_w w_f */
+static double speed_error(const Unit *m) {
+  const double wanted = m->gains_k_p * position_error(m) + m->feedforward_k_ff * m->w_ref;
+  return wanted + (m->integrator_k_i != 0 ? m->x_p : 0) - m->gains_k_w * filtered_speed(m);
+}
+
+/* u = k_v e_w + x_v */
+static double wanted_voltage(const Unit *m) {
+  return m->gains_k_v * speed_error(m) + (m->integrator_k_iv != 0 ? m->x_v : 0);
+}
+
+static double saturated(const Unit *m, double u) { return clamp(u, -m->saturation_u_max, m->saturation_u_max); }
+
+static double control(const Unit *m) { return saturated(m, wanted_voltage(m)) + m->u_add; }
+
+/* back-calculation: what the saturation cuts off runs the integrators back */
+static void integrate_errors(Unit *m) {
+  const double u = wanted_voltage(m), back = (saturated(m, u) - u) / m->integrator_T_t, k_v = m->gains_k_v;
+  m->der_x_p = m->integrator_k_i == 0 ? 0 : m->integrator_k_i * position_error(m) + (k_v != 0 ? back / k_v : 0);
+  m->der_x_v = m->integrator_k_iv == 0 ? 0 : m->integrator_k_iv * speed_error(m) + back;
+  if (m->enable) return;
+  m->der_x_p = -m->x_p / m->integrator_T_t;
+  m->der_x_v = -m->x_v / m->integrator_T_t;
 }
 
 /* n*T_s and a sum of steps differ by rounding */
@@ -24,6 +43,7 @@ static void unit_equations(Unit *m) {
   m->tau = m->drive_k_tau * m->u_c;
   m->e_phi = position_error(m);
   m->w_f = filtered_speed(m);
+  integrate_errors(m);
   m->der_x_w = m->velocity_filter_T > 0 ? (measured_speed(m) - m->x_w) / m->velocity_filter_T : 0;
 }
 

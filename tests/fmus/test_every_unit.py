@@ -23,6 +23,7 @@ Load = Callable[[str], Unit]
 EXCITATION = {
     "motor_bldc": {"set_value": (1.0, 3.0, 20.0), "tau": (0.01, 0.02, 31.0)},
     "planetary_gear": {"phi": (0.0, 30.0, 9.0), "w": (0.0, 270.0, 9.0), "tau_s": (0.0, 2.0, 23.0)},
+    "harmonic_drive": {"phi": (0.0, 30.0, 9.0), "w": (0.0, 270.0, 9.0), "tau_s": (0.0, 2.0, 23.0)},
     "torque_sensor": {"phi_o": (0.01, 0.004, 20.0), "phi_p": (0.004, 0.003, 33.0), "w_o": (0.1, 0.2, 20.0)},
     "mr_brake_belt": {"tau_s": (0.3, 2.0, 15.0), "i_b": (0.3, 0.3, 11.0), "tau_h": (0.1, 0.1, 7.0)},
     "acquisition": {"i_motor": (0.1, 1.0, 20.0), "w_motor": (100.0, 50.0, 9.0), "tau_sensor": (1.0, 2.0, 31.0)},
@@ -37,12 +38,14 @@ EXCITATION = {
     "driven_load": {"tau": (0.1, 0.3, 20.0), "w_imposed": (1.0, 2.0, 20.0)},
 }
 BASE = {"driven_load": {"friction.tau_C": 0.05, "friction.d": 0.02}}  # what its terms change is zero as it starts
+INERTIAS = {"motor_bldc": {"J_coupled": 1e-5}, "driven_load": {"J_variable": 1e-4}}  # off their lower bound
 FEATURE = {"feature1.A": 1.0, **{f"feature1.f{k}": 2 for k in (1, 2, 3, 4)}}  # u1*u2*u3*u4
 VARIANTS = {
     "driven_load": [{"motion.source": 2}],
     "correction": [FEATURE],
 }  # settings under which other inputs feed through
-ON = {"presliding.share": 0.5, "sublinear_viscous.x": 0.5, "viscous_warmup.fade": 0.5, "backlash.b_x": 0.002}
+ON = {"presliding.share": 0.5, "sublinear_viscous.x": 0.5, "viscous_warmup.fade": 0.5, "backlash.b_x": 0.002,
+      "ratcheting.x": 1.0}  # fmt: skip
 
 
 def amplitude_on(unit: Unit, name: str) -> float:
@@ -307,7 +310,7 @@ def test_output_derivatives_are_those_of_the_outputs(load: Load, make: Make, nam
 
 
 def test_directional_derivatives_are_those_of_the_outputs(load: Load, make: Make, name: str) -> None:
-    slave = make(name, {"J_coupled": 1e-5} if name == "motor_bldc" else {})  # both sides lie within its bounds
+    slave = make(name, INERTIAS.get(name, {}))
     excite(slave, end=0.1)
     inputs, outputs = slave.inputs(), slave.outputs()
     for key in inputs:

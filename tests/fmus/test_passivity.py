@@ -73,6 +73,24 @@ def gear(p: Point) -> list[float]:
     ]
 
 
+def harmonic(p: Point) -> list[float]:
+    delta, w, w_o = p["delta"], p["w"], p["w_o"]
+    twice = 2 * p["kinematic_error.A"] * np.cos(2 * p["phi"] + p["kinematic_error.phi_0"])
+    K_1, K_2, T_1 = p["flex_spline.K_1"], p["flex_spline.K_2"], p["flex_spline.T_1"]
+    T_2 = max(T_1, p["flex_spline.T_2"])
+    e_1, e_2 = T_1 / K_1, T_1 / K_1 + (T_2 - T_1) / K_2
+    corners = np.interp(abs(delta), [0, e_1, e_2], [0, T_1, T_2])
+    spring = np.sign(delta) * (corners + p["flex_spline.K_3"] * max(0.0, abs(delta) - e_2))
+    return [
+        (p["tau"] + p["tau_add"]) * w,
+        (p["tau_o_add"] - p["tau_s"]) * w_o,
+        -p["output.J_o"] * w_o * p.rates["w_o"],
+        -spring * (w * (1 / p["ratio.N"] + twice) - w_o),
+        -p["hysteresis.T_h"] * p["hysteresis.phi_h"] * p["z_h"] * p.rates["z_h"],
+        -bristles(p),
+    ]
+
+
 def sensor(p: Point) -> list[float]:
     c = 1 / (1 / p["shaft.c_s"] + p["shaft.s_o"] + p["shaft.s_p"])
     apart = p["w_o"] - p["w_p"]
@@ -99,7 +117,7 @@ def brake(p: Point) -> list[float]:
 
 def load(p: Point) -> list[float]:
     w, m, lead = p["w"], p["body.m"], p["body.lead"]
-    J = p["body.J"] + m * (lead**2 + p["body.r"] ** 2)
+    J = p["body.J"] + p["J_variable"] + m * (lead**2 + p["body.r"] ** 2)
     if p["motion.source"] == 2:  # imposed: friction alone
         return [p["tau_f"] * w, -bristles(p)]
     given = [p["tau"] * w, p["tau_add"] * w, lead * p["F_add"] * w, -p["tau_g"] * w]
@@ -109,11 +127,15 @@ def load(p: Point) -> list[float]:
 BALANCE = {
     "motor_bldc": motor,
     "planetary_gear": gear,
+    "harmonic_drive": harmonic,
     "torque_sensor": sensor,
     "mr_brake_belt": brake,
     "driven_load": load,
 }
-FIXED: dict[str, Values] = {"planetary_gear": {"ratio.from": 1}}  # teeth only make other ratios
+FIXED: dict[str, Values] = {
+    "planetary_gear": {"ratio.from": 1},
+    "harmonic_drive": {"ratio.from": 1},
+}  # teeth only make other ratios
 
 
 def drawn(rng: Draw, low: float, high: float, start: float) -> float:

@@ -26,7 +26,7 @@ POINTS = 4000  # of a channel in a picture
 
 
 def inspect(
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Recordings: CSV, Parquet, MAT, MDF.")],
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Recordings: CSV, Parquet, MAT, MDF, MCAP.")],
     system: Annotated[
         str | None,
         typer.Option(help="A shipped system by name, or an .ssd or .ssp file: writes a first campaign.toml."),
@@ -67,7 +67,8 @@ def _show(path: Path, i: Inspection) -> None:
     r = i.recording
     gaps = int(np.sum(~np.isfinite(next(iter(r.outputs.values())))))
     about = f"{len(r.time)} samples, {r.time[-1] - r.time[0]:.4g} s at {1 / r.step:.5g} Hz, {gaps} not recorded"
-    console.print(f"\n[bold]{escape(str(path))}[/bold]: clock {escape(str(i.log.clock))}, {about}", soft_wrap=True)
+    clock = escape(i.log.clock or "one per channel")
+    console.print(f"\n[bold]{escape(str(path))}[/bold]: clock {clock}, {about}", soft_wrap=True)
     grid = Table()
     for name in ("column", "unit", "from", "to", "noise", "step", "saturated", "missing"):
         grid.add_column(name, justify="left" if name in ("column", "unit") else "right")
@@ -135,7 +136,8 @@ def new(
     chain: Annotated[
         str | None,
         typer.Option(
-            help="Parts in a row: motor, motion, gear, sensor, shaft, load, pendulum, screw, brake; friction."
+            help="Parts in a row: loop, motor, motion, gear, harmonic, sensor, shaft, load, pendulum, screw, brake; "
+            "friction."
         ),
     ] = None,
     from_: Annotated[str | None, typer.Option("--from", help="A system to start from, by name or file.")] = None,

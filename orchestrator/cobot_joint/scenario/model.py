@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping
 from itertools import pairwise
@@ -196,8 +197,68 @@ class CurrentSensorCalibration(BaseScenario):
     slope: Finite  # V/A, nominal
 
 
+class ComparedSignal(_Model):
+    """`of`/`over` is what errors are of; `of` is an output of the systems. The bench shows means over `average`, s."""
+
+    of: str
+    over: Positive = 1.0
+    unit: str
+    average: Annotated[float, Field(ge=0)] = 0.0
+
+
+class Phases(_Model):
+    """Signals that are drawn from `from` to `to`, s."""
+
+    signals: list[str]
+    begin: Finite = Field(alias="from")
+    end: Finite = Field(alias="to")
+
+
+class LevelTest(_Model):
+    """A time scenario that every level runs; its transient lasts until `transient`, s."""
+
+    name: str
+    scenario: str
+    bench: str  # the system that stands in for the measurement, with its logger
+    stop_time: Positive | None = None  # None: the scenario's
+    transient: Positive
+
+    @property
+    def key(self) -> str:
+        """For file names."""
+        return re.sub(r"\W+", "_", self.name)
+
+
+class Reported(_Model):
+    """Errors as somebody printed them."""
+
+    test: str
+    level: str
+    errors: dict[str, dict[Literal["transient", "steady", "combined"], Positive]]  # signal -> part -> value
+
+
+class LevelComparison(BaseScenario):
+    """Tests at every level of the model, beside a simulated bench and what was reported."""
+
+    kind: Literal["levels"]
+    bench: str  # the level of the simulated bench
+    bench_parameters: dict[str, float | str] = Field(default_factory=dict)
+    levels: dict[str, str] = Field(min_length=1)  # level -> in words
+    signals: dict[str, ComparedSignal] = Field(min_length=1)
+    tests: list[LevelTest] = Field(min_length=1)
+    reported: list[Reported] = Field(default_factory=list)
+    phases: Phases
+    also: list[str] = Field(default_factory=list)  # further scenarios
+
+    def printed(self, test: str, level: str, signal: str) -> dict[str, float]:
+        """Part of the run -> the error that was reported."""
+        rows = [r for r in self.reported if (r.test, r.level) == (test, level)]
+        return {str(part): value for row in rows for part, value in row.errors.get(signal, {}).items()}
+
+
 Scenario = Annotated[
-    TimeScenario | FrequencyResponse | TorqueCalibration | CurrentSensorCalibration, Field(discriminator="kind")
+    TimeScenario | FrequencyResponse | TorqueCalibration | CurrentSensorCalibration | LevelComparison,
+    Field(discriminator="kind"),
 ]
 _ADAPTER: TypeAdapter[Any] = TypeAdapter(Scenario)
 
@@ -279,4 +340,6 @@ def _first(error: ValidationError) -> str:
     return f"{where}: {given!r} is given, {message}"
 
 
-_KINDS: tuple[type[BaseScenario], ...] = (TimeScenario, FrequencyResponse, TorqueCalibration, CurrentSensorCalibration)
+_KINDS: tuple[type[BaseScenario], ...] = (
+    TimeScenario, FrequencyResponse, TorqueCalibration, CurrentSensorCalibration, LevelComparison,
+)  # fmt: skip

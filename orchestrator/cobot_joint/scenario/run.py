@@ -19,6 +19,7 @@ RUNNERS = {
     "frequency_response": ("frequency_response", "run_frequency_response"),
     "torque_calibration": ("calibration", "run_torque_calibration"),
     "current_sensor_calibration": ("calibration", "run_current_sensor_calibration"),
+    "levels": ("level_comparison", "run_level_comparison"),
 }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from fmpy.model_description import BaseUnit
 
@@ -170,17 +170,38 @@ def check(system: System) -> None:
         raise UserError(f"{where}: output {among(unfed)} of the system is not connected to any component")
 
 
+def with_inputs(system: System, names: Iterable[str]) -> System:
+    """The system with these unwired inputs of its components, `component.variable`, as inputs of its own.
+
+    Other names are left alone. UserError: a wire gives one of them already.
+    """
+    wires = {(c.sink_component, c.sink): c for c in system.connections}
+    inputs, connections = dict(system.inputs), list(system.connections)
+    for component in system.components:
+        for v in component.unit.variables.values():
+            name = f"{component.name}.{v.name}"
+            if v.causality != "input" or name not in names or name in inputs:
+                continue
+            if wire := wires.get((component.name, v.name)):
+                source = f"{wire.source_component}.{wire.source}" if wire.source_component else wire.source
+                raise UserError(f"{system.path}: {name} is given a column, but {source} is wired to it")
+            inputs[name] = Connector(name, "input", v.type, component.unit.unit_of(v.name), v.description or "")
+            connections.append(Connection(None, name, component.name, v.name))
+    return replace(system, inputs=inputs, connections=tuple(connections))
+
+
 def unconnected(system: System) -> list[tuple[str, float, str]]:
     """Torques, forces and voltages that nothing gives: (`component.variable`, the value it stays at, its unit).
 
-    Additive inputs are left out: these are there for what is not modelled.
+    Left out are additive inputs, which are there for what is not modelled, and those that the system gives a value.
     """
     fed = {(c.sink_component, c.sink) for c in system.connections}
     return [
-        (f"{c.name}.{v.name}", float(c.parameters.get(v.name, v.start or 0.0)), c.unit.unit_of(v.name) or "1")
+        (f"{c.name}.{v.name}", float(v.start or 0.0), c.unit.unit_of(v.name) or "1")
         for c in system.components
         for v in c.unit.variables.values()
         if v.causality == "input" and (c.name, v.name) not in fed and not v.name.endswith(ADDITIVE)
+        and v.name not in c.parameters
         and (base := c.unit.units.get(c.unit.unit_of(v.name) or "")) is not None and spell(base) in EFFORTS
     ]  # fmt: skip
 

@@ -34,6 +34,11 @@ def test_torque_accelerates_inertia_and_mass_on_lead_and_arm(run: Run) -> None:
     assert out["v"][-1] == pytest.approx(0.1 * out["w"][-1], rel=1e-12)
 
 
+def test_inertia_of_a_log_is_carried_beside_the_body_s(run: Run) -> None:
+    out = run(1.0, tau=0.5, body__J=0.01, J_variable=0.03)
+    assert out["w"][-1] == pytest.approx(0.5 / 0.04, rel=1e-6)
+
+
 def test_displacement_counts_from_its_own_start(run: Run) -> None:
     out = run(1.0, s=0.7, phi=2.0, tau=0.5, body__J=0.1, body__lead=0.1)
     np.testing.assert_allclose(out["s"] - 0.7, 0.1 * (out["phi"] - 2.0), atol=1e-9)

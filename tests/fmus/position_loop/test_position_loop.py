@@ -12,6 +12,7 @@ from fmpy import extract, read_model_description, simulate_fmu
 from fmpy.fmi2 import FMU2Slave
 
 Run = Callable[..., Any]
+RECORD = ["u_c", "tau", "e_phi", "w_f", "x_v"]
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +22,7 @@ def run(fmu: Callable[[str], Path]) -> Run:
 
     def simulate(stop_time: float = 0.1, **start: Any) -> Any:
         values = {name.replace("__", "."): value for name, value in start.items()}
-        return simulate_fmu(path, stop_time=stop_time, output_interval=1e-3, start_values=values)
+        return simulate_fmu(path, stop_time=stop_time, output_interval=1e-3, start_values=values, output=RECORD)
 
     return simulate
 
@@ -35,6 +36,35 @@ def test_voltage_is_the_gains_times_position_and_speed_error(run: Run) -> None:
 def test_speed_feedback_can_be_left_out(run: Run) -> None:
     out = run(phi_ref=0.3, w=4.0, gains__k_p=50.0, gains__k_v=0.2, gains__k_w=0.0)
     np.testing.assert_allclose(out["u_c"], 0.2 * 50.0 * 0.3, rtol=1e-12)
+
+
+def test_wanted_speed_is_fed_forward(run: Run) -> None:
+    out = run(phi_ref=0.3, w_ref=2.0, w=4.0, gains__k_p=50.0, gains__k_v=0.2, feedforward__k_ff=0.5)
+    np.testing.assert_allclose(out["u_c"], 0.2 * (50.0 * 0.3 + 0.5 * 2.0 - 4.0), rtol=1e-12)
+
+
+def test_position_integrator_adds_a_ramp_of_wanted_speed(run: Run) -> None:
+    out = run(phi_ref=0.1, gains__k_p=50.0, gains__k_v=0.2, integrator__k_i=300.0)
+    np.testing.assert_allclose(out["u_c"], 0.2 * (50.0 * 0.1 + 300.0 * 0.1 * out["time"]), rtol=1e-9)
+
+
+def test_speed_integrator_adds_a_ramp_of_voltage(run: Run) -> None:
+    out = run(w_ref=3.0, w=1.0, gains__k_p=0.0, gains__k_v=0.2, integrator__k_iv=5.0)
+    np.testing.assert_allclose(out["u_c"], 0.2 * 2.0 + 5.0 * 2.0 * out["time"], rtol=1e-9)
+
+
+def test_a_saturated_output_takes_the_integrator_back(run: Run) -> None:
+    """Where k_iv e_w = (u - u_max)/T_t: 3 V beyond the saturation, whatever time has passed."""
+    loop = {"w_ref": 2.0, "gains__k_p": 0.0, "gains__k_v": 0.2, "saturation__u_max": 1.0}
+    out = run(1.0, **loop, integrator__k_iv=30.0, integrator__T_t=0.05)
+    np.testing.assert_allclose(out["u_c"][-100:], 1.0, rtol=1e-12)
+    np.testing.assert_allclose(out["x_v"][-100:] + 0.2 * 2.0, 1.0 + 30.0 * 2.0 * 0.05, rtol=1e-5)
+
+
+def test_without_enable_the_integrators_run_down(run: Run) -> None:
+    out = run(x_v=4.0, w_ref=2.0, enable=False, integrator__k_iv=30.0, integrator__T_t=0.05)
+    np.testing.assert_allclose(out["x_v"], 4.0 * np.exp(-out["time"] / 0.05), atol=1e-3)
+    assert np.all(out["u_c"] == 0)
 
 
 def test_displacement_counts_as_angle_through_the_lead(run: Run) -> None:

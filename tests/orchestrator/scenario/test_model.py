@@ -21,6 +21,7 @@ def test_shipped_scenarios_are_the_benchs() -> None:
         "frequency_response",
         "torque_calibration",
         "current_sensor_calibration",
+        "thesis",
     }
 
 

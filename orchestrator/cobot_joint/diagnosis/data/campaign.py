@@ -30,7 +30,7 @@ from cobot_joint.diagnosis.data.tables import read_table
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import System
 from cobot_joint.system.read import load_system
-from cobot_joint.system.wiring import warn_of_unconnected
+from cobot_joint.system.wiring import warn_of_unconnected, with_inputs
 
 
 @dataclass
@@ -51,8 +51,12 @@ class Campaign:
     parameters: Values = field(default_factory=dict)  # nominal values of this machine, as given
 
     def systems(self) -> dict[str, System]:
-        """Set-up -> its system with this machine's nominal values. UserError: one cannot be loaded or set."""
-        systems = {setup: load_system(path) for setup, path in self.setups.items()}
+        """Set-up -> its system with this machine's nominal values, and inputs of components where columns give them.
+
+        UserError: one cannot be loaded or set, or a column gives what is wired.
+        """
+        recorded = set(self.channels.values())
+        systems = {setup: with_inputs(load_system(path), recorded) for setup, path in self.setups.items()}
         return with_values(systems, self.parameters, f"{self.path}: [parameters]")
 
     @property
@@ -253,15 +257,13 @@ def connectors_of(
     system: Path, setup: str, logged: dict[str, Logged], channels: dict[str, str] | None = None
 ) -> dict[str, Connector]:
     """What recordings of a set-up may belong to: the logger's channels, and connectors that [channels] names."""
-    found = {
-        name: Connector(name, channel.causality, channel.unit)
-        for name, channel in logged.items()
-        if channel.setups is None or setup in channel.setups
-    }
+    here = {name: channel for name, channel in logged.items() if channel.setups is None or setup in channel.setups}
+    found = {n: Connector(n, c.causality, c.unit) for n, c in here.items() if c.causality and c.unit}
     channels = channels or {}
-    if set(channels.values()) <= set(logged) and found:
+    if set(channels.values()) <= set(logged) and found and len(found) == len(here):
         return found
     offered = system_connectors(system)
+    found |= {name: offered[name] for name in here if name not in found}
     for column, name in channels.items():
         if name not in logged and name not in offered:
             raise UserError(

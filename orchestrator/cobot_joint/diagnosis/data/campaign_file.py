@@ -47,8 +47,8 @@ class _Model(BaseModel):
 class Logged(_Model):
     """What the logger's data sheet says of a channel; what a recording then shows is estimated from the recording."""
 
-    unit: str
-    causality: Literal["input", "output"]
+    unit: str | None = None  # None: the connector's
+    causality: Literal["input", "output"] | None = None
     noise: Annotated[float, Field(gt=0)] | None = None  # 1 sigma
     colour: Annotated[float, Field(ge=0, lt=1)] | None = None  # correlation from sample to sample; None: as recorded
     step: Annotated[float, Field(ge=0)] | None = None  # of the converter
@@ -62,18 +62,21 @@ Scale = Annotated[float, Field(allow_inf_nan=False)] | str  # a number, or a qua
 
 
 class ColumnEntry(_Model):
-    """What [channels] says of a column, where a connector's name is not enough: x = sign*scale*column + offset."""
+    """What [channels] says of a column, where a name is not enough: x = sign*scale*column + offset, or its rate."""
 
     to: str  # the connector
     scale: Scale | None = None
     sign: Literal[1, -1] | None = None
     offset: Scale = 0.0
+    derivative: bool = False  # a position's column for a speed's connector
 
     @property
     def column(self) -> Column:
         """As a recording is read with it. Whoever gives a scale or sign has looked at it."""
         looked = self.scale is not None or self.sign is not None
-        return Column(self.to, 1.0 if self.scale is None else self.scale, self.sign or 1, self.offset, looked)
+        return Column(
+            self.to, 1.0 if self.scale is None else self.scale, self.sign or 1, self.offset, self.derivative, looked
+        )
 
 
 Values = dict[str, float | bool | str]  # `component.parameter` -> number, choice or quantity

@@ -68,9 +68,10 @@ def _logged(where: str, name: str, logged: Logged, offered: Offered) -> None:
             hint = "" if len(offered) == 1 else f" of set-up {setup!r} (`setups` says which have it)"
             raise UserError(f"{where}: no such connector{hint}, allowed are {_nearest(name, offered[setup])}")
         connector = offered[setup][name]
-        if logged.causality != connector.causality:
+        if logged.causality not in (None, connector.causality):
             raise UserError(f"{where}: causality: {logged.causality!r} is given, it is an {connector.causality}")
-        convert(np.zeros(1), logged.unit, connector.unit, where)
+        if logged.unit is not None:
+            convert(np.zeros(1), logged.unit, connector.unit, where)
 
 
 def _recording(where: str, entry: RecordingEntry, system: System) -> None:

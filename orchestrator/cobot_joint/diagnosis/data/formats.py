@@ -1,4 +1,4 @@
-"""Recorded files as raw channels: Parquet by pyarrow, text by `delimited`, MAT by scipy and mat73, MDF by asammdf."""
+"""Recorded files as raw channels, each format by its library; text by `delimited`, HDF5 and bags by `nested`."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ import pyarrow.parquet
 from numpy.typing import NDArray
 
 from cobot_joint.diagnosis.data.delimited import Layout, read_delimited
+from cobot_joint.diagnosis.data.nested import matlab_hdf5, ros2_bag
 from cobot_joint.diagnosis.data.quantity import convert, is_duration, split_header
 from cobot_joint.errors import UserError, among
 
@@ -159,9 +160,7 @@ def _mat(path: Path, time: str | None, layout: Layout, table: bool) -> Log:
     try:
         content = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
     except NotImplementedError:  # version 7.3 is HDF5
-        import mat73
-
-        content = mat73.loadmat(str(path))
+        content = matlab_hdf5(path)
     found = [
         (name, value) for key, item in content.items() if not key.startswith("__") for name, value in _arrays(key, item)
     ]
@@ -219,6 +218,11 @@ def _mdf(path: Path, time: str | None, layout: Layout, table: bool) -> Log:
                     values[np.asarray(s.invalidation_bits, dtype=bool)] = np.nan
                 channels.append(Channel(name, s.unit or unit, s.timestamps.astype(float), values))
     return Log(path, channels, unusable)
+
+
+def _bag(path: Path, time: str | None, layout: Layout, table: bool) -> Log:
+    series, unusable = ros2_bag(path)
+    return Log(path, [Channel(name, None, *rows) for name, rows in series.items()], unusable)
 
 
 def _log(
@@ -285,5 +289,9 @@ READERS: dict[str, Callable[[Path, str | None, Layout, bool], Log]] = {
     ".mat": _mat,
     ".mf4": _mdf,
     ".mdf": _mdf,
+    ".mcap": _bag,
 }
-EXTRAS = dict.fromkeys((".mf4", ".mdf"), "asammdf: pip install 'cobot-joint[mdf]'")
+EXTRAS = {
+    **dict.fromkeys((".mf4", ".mdf"), "asammdf: pip install 'cobot-joint[mdf]'"),
+    ".mcap": "mcap-ros2-support: pip install 'cobot-joint[rosbag]'",
+}

@@ -67,6 +67,7 @@ class Column:
     scale: float | str = 1.0  # "9.84 mN.m": a quantity, times what the column counts
     sign: Literal[1, -1] = 1
     offset: float | str = 0.0  # "0.3 V"
+    derivative: bool = False  # the connector is the column's rate of change, "speed" of a recorded position
     believed: bool = False  # somebody looked at its factor and sign: what is implausible is theirs
 
 
@@ -108,15 +109,21 @@ def read_recording(
     steady = reading.table is not None
     fewest = ROWS if reading.table == "rows" else FEWEST
     time = regular_clock(path, raw, notes, confirmed=steady or reading.time is not None, fewest=fewest)
-    inputs, outputs, units = {}, {}, {}
+    inputs: dict[str, NDArray[np.float64]] = {}
+    outputs: dict[str, NDArray[np.float64]] = {}
+    units, positions = {}, {}
     for name, channel in raw.items():
         _, header, column = found[name]
-        values, units[name] = _in_unit(path, channel, header, column, connectors[name].unit)
+        target = connectors[name].unit
+        counted = product(target, "s", str(path)) if column.derivative and target else target
+        values, units[name] = _in_unit(path, channel, header, column, counted, notes)
         series = resample(channel.name, channel.time, values, time, notes)
-        if connectors[name].causality == "output":
-            outputs[name] = series
-        else:
-            inputs[name] = fill(path, channel.name, time, series, notes)
+        if connectors[name].causality == "input":
+            series = fill(path, channel.name, time, series, notes)
+        if column.derivative:  # central differences: their integral does not drift from the position
+            positions[channel.name], units[name] = series, target or f"{units[name]}/s"
+            series = np.gradient(series, time)
+        (outputs if connectors[name].causality == "output" else inputs)[name] = series
     return Recording(
         name=path.stem,
         role=reading.role,
@@ -125,7 +132,7 @@ def read_recording(
         inputs=inputs,
         outputs=outputs,
         units=units,
-        initial=_initial(path, reading.initial, inputs | outputs),
+        initial=_initial(path, reading.initial, inputs | outputs | positions),
         columns={name: channel.name for name, channel in raw.items()},
         believed={name for name, (_, _, column) in found.items() if column.believed},
         notes=_grouped(notes, len(raw)),
@@ -209,13 +216,16 @@ def _check_values(log: Log, channel: Channel) -> None:
 
 
 def _in_unit(
-    path: Path, channel: Channel, header: str, column: Column, target: str | None
+    path: Path, channel: Channel, header: str, column: Column, target: str | None, notes: list[str]
 ) -> tuple[NDArray[np.float64], str]:
     """sign*scale*column + offset in the connector's unit."""
     where = f"{path}: column {channel.name!r}"
     stated = split_header(header)[1]
-    if stated and channel.unit:  # the two must at least convert
-        convert(np.zeros(1), channel.unit, stated, where)
+    if stated and channel.unit and not np.isclose(convert(np.ones(1), channel.unit, stated, where)[0][0], 1):
+        notes.append(
+            f"{channel.name}: the file says [{channel.unit}] and the campaign [{stated}]; the file's is used, "
+            "a scale corrects it"
+        )
     unit = channel.unit or stated
     if isinstance(column.scale, str):
         values, unit = convert(

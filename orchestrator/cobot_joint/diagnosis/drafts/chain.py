@@ -13,6 +13,7 @@ from cobot_joint.diagnosis.data.parameters import with_values
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import Component, Connection, Connector, System, Value
 from cobot_joint.system.read import NS
+from cobot_joint.system.wiring import unconnected
 from cobot_joint.system.write import describe
 from cobot_joint.units import Unit, find_fmu, load_unit
 
@@ -40,6 +41,12 @@ class Part:
 FRICTION = {"friction.tau_C": "30 %", "friction.d": "30 %"}
 BODY = ("body.J", "friction.tau_C", "friction.d", "friction.w_C")
 PARTS: dict[str, Part] = {
+    "loop": Part(
+        "position_loop", "servo controller of the motor, fed back from its shaft",
+        data_sheet=("gains.k_p", "gains.k_v", "integrator.k_i", "integrator.k_iv", "saturation.u_max"),
+        feeds={"phi_command": ("phi_ref", "wanted angle of the motor")},
+        shows={"v_command": ("u_c", "control voltage")},
+    ),
     "motor": Part(
         "motor_bldc", "brushless or DC motor with its drive", after=("phi", "w", "tau"), moves=("after",),
         data_sheet=("winding.R", "winding.L", "winding.k", "rotor.J", "friction.tau_C", "friction.d",
@@ -58,6 +65,14 @@ PARTS: dict[str, Part] = {
         data_sheet=("ratio.N", "mesh.eta", "mesh.c", "mesh.d_g", "mesh.b", "housing.J_coupled", "output.J_o",
                     "friction.tau_C", "friction.d"),
         fits={"mesh.eta": "6 %", "mesh.c": "30 %"} | FRICTION,
+    ),
+    "harmonic": Part(
+        "harmonic_drive", "harmonic drive", before=("phi", "w", "tau"), after=("phi_o", "w_o", "tau_s"),
+        moves=("after",),
+        data_sheet=("ratio.N", "flex_spline.K_1", "flex_spline.K_2", "flex_spline.K_3", "flex_spline.T_1",
+                    "flex_spline.T_2", "wave_generator.J_coupled", "load_friction.mu", "output.J_o",
+                    "friction.tau_C", "friction.d"),
+        fits={"flex_spline.K_1": "30 %", "load_friction.mu": "30 %"} | FRICTION,
     ),
     "sensor": Part(
         "torque_sensor", "torque sensor", before=("phi_o", "w_o", "tau_s"), after=("phi_p", "w_p", "tau_s"),
@@ -126,7 +141,10 @@ def chain(names: Sequence[str], name: str = "bench") -> Chain:
     wires = [wire for a, b in pairwise(names) for wire in _wires(a, b, units)]
     inputs, outputs = {}, {}
     for n, part in parts.items():
+        fed = {(w.sink_component, w.sink) for w in wires}
         for connector, (variable, words) in part.feeds.items():
+            if (n, variable) in fed:
+                continue
             inputs[connector] = Connector(connector, "input", "Real", units[n].unit_of(variable), words)
             wires.append(Connection(None, connector, n, variable))
         for connector, (variable, words) in part.shows.items():
@@ -134,7 +152,17 @@ def chain(names: Sequence[str], name: str = "bench") -> Chain:
             wires.append(Connection(n, variable, None, connector))
     if not outputs:
         raise UserError(f"--chain {','.join(names)}: nothing of it is logged; add a motor, a sensor or a load")
-    return Chain(System(name, components, tuple(wires), inputs, outputs), parts)
+    return Chain(_with_free_ends(System(name, components, tuple(wires), inputs, outputs)), parts)
+
+
+def _with_free_ends(system: System) -> System:
+    """What nothing gives stands in the system as what it is: no torque at a free end, a supply of so many volts."""
+    stays: dict[str, dict[str, float]] = {c.name: {} for c in system.components}
+    for name, value, _ in unconnected(system):
+        component, variable = name.split(".", 1)
+        stays[component][variable] = value
+    components = (replace(c, parameters={**c.parameters, **stays[c.name]}) for c in system.components)
+    return replace(system, components=tuple(components))
 
 
 def _with_shafts(names: list[str]) -> list[str]:
@@ -157,6 +185,10 @@ def _component(name: str, part: Part) -> Component:
 
 def _wires(a: str, b: str, units: Mapping[str, Unit]) -> list[Connection]:
     driving, driven = PARTS[a], PARTS[b]
+    if a == "loop":
+        if b != "motor":
+            raise UserError(f"--chain {a},{b}: a loop commands a motor, put one behind it")
+        return [Connection(a, "u_c", b, "set_value"), Connection(b, "phi", a, "phi"), Connection(b, "w", a, "w")]
     if driving.after is None or driven.before is None:
         raise UserError(f"--chain {a},{b}: {a} has nothing behind it that could drive a {b}" if driving.after is None
                         else f"--chain {a},{b}: {b} is driven by nothing, it stands first")  # fmt: skip

@@ -166,7 +166,7 @@ def test_a_column_in_percent_of_a_rated_value_is_read_with_that_value_as_its_sca
         (('"qm [mm]" = "axis.s"', '"qm" = { to = "axis.s", scale = "2 V" }'), "one that converts to 'm' is needed"),
         (
             ('"qm [mm]" = "axis.s"', '"qm" = { to = "axis.s", gain = 2 }'),
-            "no such key, allowed are to, scale, sign, offset",
+            "no such key, allowed are to, scale, sign, offset, derivative",
         ),
         (
             ('"qm [mm]" = "axis.s"', '"qm" = { to = "axis.s", sign = 2 }'),
@@ -212,3 +212,16 @@ def test_a_force_that_nothing_gives_is_warned_of_before_anything_is_read(
 ) -> None:
     load_campaign(write(tmp_path, AXIS))
     assert f"{axis}: axis.F is not connected and stays at 0 N" in caplog.text
+
+
+def test_a_column_may_give_an_input_of_a_component(tmp_path: Path, axis: Path) -> None:
+    campaign = load_campaign(write(tmp_path, AXIS.replace('"vir [V]" = "u"', '"vir [N]" = "axis.F"')))
+    (system,) = campaign.systems().values()
+    assert system.inputs["axis.F"].unit == "N"
+    assert [(c.sink_component, c.sink) for c in system.connections if c.source == "axis.F"] == [("axis", "F")]
+    assert list(campaign.recordings[0].inputs) == ["axis.F"]
+
+
+def test_a_column_for_an_input_that_is_wired_is_refused(tmp_path: Path, axis: Path) -> None:
+    with pytest.raises(UserError, match=r"axis\.u is given a column, but u is wired to it"):
+        load_campaign(write(tmp_path, AXIS.replace('"vir [V]" = "u"', '"vir [V]" = "axis.u"')))

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import datetime
+import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -66,14 +69,26 @@ def test_mat_written_by_scipy_is_read_and_its_scalars_left(tmp_path: Path, orien
     assert np.array_equal(channels["run.i_motor"].values, V)
 
 
-def test_mat_of_version_7_3_is_read(tmp_path: Path) -> None:
-    h5py = pytest.importorskip("h5py", reason="MAT 7.3 is HDF5; h5py comes with mat73")
+def test_mat_of_version_7_3_is_read_with_structs_matrices_and_cells(tmp_path: Path) -> None:
+    import h5py
+
+    def put(group: Any, name: str, values: np.ndarray) -> Any:
+        data = group.create_dataset(name, data=values)
+        data.attrs["MATLAB_class"] = np.bytes_("char" if values.dtype.kind == "u" else "double")
+        return data
+
     with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
-        for name, values in {"t": T, "qm": W}.items():
-            file.create_dataset(name, data=values[None, :]).attrs["MATLAB_class"] = np.bytes_("double")
-    with (tmp_path / "a.mat").open("r+b") as raw:
+        put(file, "t", T[None, :])
+        put(file, "note", np.array([[98], [101]], dtype=np.uint16))
+        put(file.create_group("rec"), "act_pos", np.stack([W, V]).T)  # MATLAB's arrays lie transposed: 2 x n there
+        cells = [put(file.create_group(f"#refs#/{k}"), "x", x[None, :]).ref for k, x in enumerate((V, W))]
+        file.create_dataset("runs", data=np.array([cells], dtype=object), dtype=h5py.ref_dtype)
+    with (tmp_path / "a.mat").open("r+b") as raw:  # MATLAB's preamble
         raw.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
-    assert np.array_equal(by_name(tmp_path / "a.mat")["qm"].values, W)
+    channels = by_name(tmp_path / "a.mat")
+    assert set(channels) == {"rec.act_pos[0]", "rec.act_pos[1]", "runs[0]", "runs[1]"}
+    assert np.array_equal(channels["rec.act_pos[0]"].values, W)
+    assert np.array_equal(channels["runs[1]"].values, W)
 
 
 @pytest.mark.parametrize(("suffix", "version"), [(".mf4", "4.10"), (".mdf", "3.30")])
@@ -96,7 +111,11 @@ def test_mdf_written_by_asammdf_is_read_with_units_and_a_clock_per_channel(
 @pytest.mark.parametrize(
     ("name", "content", "told"),
     [
-        ("a.xlsx", b"", "suffix '.xlsx' is given, one of .parquet, .csv, .txt, .tsv, .mat, .mf4, .mdf is needed"),
+        (
+            "a.xlsx",
+            b"",
+            "suffix '.xlsx' is given, one of .parquet, .csv, .txt, .tsv, .mat, .mf4, .mdf, .mcap is needed",
+        ),
         ("gone.csv", None, "there is no such file"),
         ("a.parquet", b"not parquet", "cannot be read as parquet"),
         ("a.mat", b"not mat", "cannot be read as mat"),
@@ -251,6 +270,80 @@ def test_a_mat_file_with_two_clocks_asks_which(tmp_path: Path) -> None:
     assert log.find("b.w").time[1] == pytest.approx(2e-3)
     with pytest.raises(UserError, match=r"column 'w' is given, the file has a.w, b.w"):
         log.find("w")
+
+
+JOINT_STATE = """std_msgs/Header header
+string[] name
+float64[] position
+float64[] velocity
+float64[] effort
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+
+
+def bag(path: Path, own: float = 1.7e9, joints: Callable[[int], list[str]] = lambda k: ["elbow", "wrist"]) -> Path:
+    """A ROS 2 bag: joint states stamped `own` + T, a current at half the rate without a stamp, recorded 10 ms late."""
+    ros2 = pytest.importorskip("mcap_ros2.writer")
+    recorded = [1_700_000_000_010_000_000 + round(t * 1e9) for t in T]
+    with path.open("wb") as file:
+        writer = ros2.Writer(file)
+        state = writer.register_msgdef("sensor_msgs/msg/JointState", JOINT_STATE)
+        current = writer.register_msgdef("std_msgs/msg/Float64", "float64 data")
+        for k, (t, stamp) in enumerate(zip(T, recorded, strict=True)):
+            sec, nanosec = divmod(round((own + t) * 1e9), 10**9)
+            header = {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": ""}
+            n = len(joints(k))
+            message = {"header": header, "name": joints(k), "position": [0.0] * n, "velocity": [W[k]] * n, "effort": []}
+            writer.write_message("/joint_states", state, message, stamp, stamp)
+            if k % 2 == 0:
+                writer.write_message("/drive/current", current, {"data": V[k]}, stamp, stamp)
+        writer.finish()
+    return path
+
+
+def test_a_ros_2_bag_is_read_with_joints_by_name_and_a_clock_per_topic(tmp_path: Path) -> None:
+    channels = by_name(bag(tmp_path / "a.mcap"))
+    joints = {f"joint_states.{joint}.{of}" for joint in ("elbow", "wrist") for of in ("position", "velocity")}
+    assert set(channels) == {*joints, "drive/current.data"}
+    assert np.array_equal(channels["joint_states.elbow.velocity"].values, W)
+    assert np.allclose(channels["joint_states.elbow.velocity"].time, T, atol=1e-6)
+    assert np.array_equal(channels["drive/current.data"].values, V[::2])
+    assert np.allclose(channels["drive/current.data"].time, T[::2] + 0.01, atol=1e-6)
+
+
+def test_stamps_of_a_bag_that_count_from_another_moment_give_way_to_the_recorder_s(tmp_path: Path) -> None:
+    channels = by_name(bag(tmp_path / "a.mcap", own=0.0))
+    assert np.allclose(channels["joint_states.elbow.velocity"].time, T, atol=1e-6)
+    assert np.allclose(channels["drive/current.data"].time, T[::2], atol=1e-6)
+
+
+def test_a_joint_that_comes_and_goes_in_a_bag_is_no_channel_and_says_why(tmp_path: Path) -> None:
+    path = bag(tmp_path / "a.mcap", joints=lambda k: ["elbow", "wrist"] if k else ["elbow"])
+    assert "wrist.velocity" not in by_name(path)
+    with pytest.raises(UserError, match=rf"is in {len(T) - 1} of {len(T)} messages"):
+        read_log(path).find("joint_states.wrist.velocity")
+
+
+def test_a_bag_that_was_cut_is_refused_in_one_line(tmp_path: Path) -> None:
+    path = bag(tmp_path / "a.mcap")
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(UserError, match=r"a\.mcap: cannot be read as mcap: .+") as error:
+        read_log(path)
+    assert "\n" not in str(error.value)
+
+
+def test_a_bag_without_its_reader_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = bag(tmp_path / "a.mcap")
+    monkeypatch.setitem(sys.modules, "mcap_ros2.decoder", None)
+    with pytest.raises(UserError, match=r"pip install 'cobot-joint\[rosbag\]'"):
+        read_log(path)
 
 
 def test_mdf_groups_with_alike_names_keep_their_groups_and_clocks(tmp_path: Path) -> None:

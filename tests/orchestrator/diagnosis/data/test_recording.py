@@ -11,7 +11,7 @@ import pyarrow.parquet
 import pytest
 
 from cobot_joint.diagnosis.data.quantity import convert, split_header
-from cobot_joint.diagnosis.data.recording import Connector, Reading, Recording, read_recording
+from cobot_joint.diagnosis.data.recording import Column, Connector, Reading, Recording, read_recording
 from cobot_joint.errors import UserError
 
 CONNECTORS = {
@@ -133,6 +133,29 @@ def test_an_initial_value_is_taken_from_the_first_sample(tmp_path: Path) -> None
         UserError, match="initial 'phi' = 'first sample' is given, a number or \"first sample\" of one of v, w, i"
     ):
         read(tmp_path, T, SIGNALS, initial={"phi": "first sample"})
+
+
+def test_a_position_stands_for_a_speed_and_its_integral_does_not_drift(tmp_path: Path) -> None:
+    noisy = 90 + np.degrees(np.sin(4 * T) + np.random.default_rng(1).normal(0, 1e-3, len(T)))
+    pa.parquet.write_table(pa.table({"t": T, "phi [deg]": noisy, "i [A]": T}), tmp_path / "run.parquet")
+    columns = {"phi": Column("w", derivative=True), "i": "i"}
+    connectors = {"w": Connector("w", "input", "rad/s"), "i": CONNECTORS["i"]}
+    reading = Reading(initial={"motor.phi": "first sample of phi"})
+    r = read_recording(tmp_path / "run.parquet", connectors, columns, reading)
+    w, phi = r.inputs["w"], np.radians(noisy)
+    assert np.allclose(w[1:-1], (phi[2:] - phi[:-2]) / 2e-3)
+    assert r.units["w"] == "rad/s"
+    assert r.initial == {"motor.phi": pytest.approx(phi[0])}
+    travelled = phi[0] + np.concatenate([[0], np.cumsum((w[1:] + w[:-1]) / 2) * 1e-3])
+    assert np.max(np.abs(travelled - phi)) < 8e-3  # rad; errors of 1 mrad that added up would reach 30
+
+
+def test_a_unit_that_differs_from_the_file_s_own_is_said(tmp_path: Path) -> None:
+    pa.parquet.write_table(pa.table({"time [s]": T} | SIGNALS), tmp_path / "run.parquet")
+    columns = {"v [mV]": "v", "w [1/s.rad]": "w", "i": "i"}
+    r = read_recording(tmp_path / "run.parquet", CONNECTORS, columns)
+    assert r.notes == ["v: the file says [V] and the campaign [mV]; the file's is used, a scale corrects it"]
+    assert np.array_equal(r.inputs["v"], SIGNALS["v [V]"])
 
 
 def test_a_log_without_any_output_is_refused(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from cobot_joint.diagnosis.drafts.chain import Chain, chain, with_data_sheet, wr
 from cobot_joint.errors import UserError
 from cobot_joint.system import load_system
 from cobot_joint.system.model import Inputs
+from cobot_joint.system.wiring import unconnected
 
 
 def made(folder: Path, names: str, **sheet: str) -> Chain:
@@ -25,7 +26,9 @@ def made(folder: Path, names: str, **sheet: str) -> Chain:
     [
         ("motor", ["v_command"], ["i_motor", "w_motor"]),
         ("motor,gear,sensor,load", ["v_command"], ["i_motor", "w_motor", "tau_sensor", "w_load"]),
+        ("motor,harmonic,sensor,load", ["v_command"], ["i_motor", "w_motor", "tau_sensor", "w_load"]),
         ("motor,gear,sensor,brake", ["v_command", "i_brake"], ["i_motor", "w_motor", "tau_sensor"]),
+        ("loop,motor,load", ["phi_command"], ["v_command", "i_motor", "w_motor", "w_load"]),
         ("motor,screw", ["v_command"], ["i_motor", "w_motor", "s"]),
         ("motion,sensor,load", ["w"], ["tau_sensor", "w_load"]),
         ("friction", ["w"], ["tau"]),
@@ -35,6 +38,7 @@ def test_a_chain_is_a_system_that_runs(tmp_path: Path, names: str, inputs: list[
     made(tmp_path, names)
     system = load_system(tmp_path / "system.ssd")
     assert (list(system.inputs), list(system.outputs)) == (inputs, outputs)
+    assert not unconnected(system)
     t = np.linspace(0, 0.2, 201)
     with Simulation(system) as simulation:
         signals = simulation.run(Experiment(Inputs(t, {inputs[0]: np.sin(6 * t)}), 0.2, record=outputs)).signals
@@ -75,6 +79,17 @@ def test_a_steady_motor_obeys_its_data_sheet(tmp_path: Path) -> None:
     assert run["w_motor"][-1] == pytest.approx((6 - 0.61 * i) / 0.0385, rel=1e-3)
 
 
+def test_a_servo_loop_with_an_integrator_holds_its_goal_against_friction(tmp_path: Path) -> None:
+    gains = {"loop__k_p": "20 1/s", "loop__k_v": "0.1 V.s/rad", "loop__k_iv": "2 V/rad", "loop__u_max": "24 V"}
+    made(tmp_path, "loop,motor", **gains, motor__tau_C="5 mN.m")
+    t = np.linspace(0, 3, 3001)
+    with Simulation(load_system(tmp_path / "system.ssd")) as simulation:
+        inputs = Inputs(t, {"phi_command": np.full(3001, 2.0)})
+        run = simulation.run(Experiment(inputs, 3.0, record=["motor.phi", "v_command"])).signals
+    assert run["motor.phi"][-1] == pytest.approx(2.0, abs=2e-3)
+    assert run["v_command"][0] == pytest.approx(0.1 * 20 * 2.0)
+
+
 def test_the_file_says_what_every_value_is_and_in_which_unit(tmp_path: Path) -> None:
     made(tmp_path, "motor")
     text = (tmp_path / "system.ssd").read_text()
@@ -86,7 +101,8 @@ def test_the_file_says_what_every_value_is_and_in_which_unit(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("names", "sheet", "told"),
     [
-        ("motor,frob", {}, "--chain 'frob': there is no such part, allowed are motor, motion, gear"),
+        ("motor,frob", {}, "--chain 'frob': there is no such part, allowed are loop, motor, motion"),
+        ("loop,gear", {}, "a loop commands a motor, put one behind it"),
         ("gear,motor", {}, "motor is driven by nothing, it stands first"),
         ("load,gear", {}, "load has nothing behind it that could drive a gear"),
         ("motor,motor", {}, "each part may stand there once"),

@@ -170,7 +170,8 @@ def _beyond_the_list(problem: Problem, listed: Selection, found: Search | None, 
     if found and stands and found.supports(stands[0].term):
         return Explanation(calibrated, listed.fit, listed, stands, anchored=found)
     background = found is not None or _takes_most(problem, listed)
-    unmodelled = look_for_unmodelled(problem, calibrated, listed, say, thresholds.ALONE if background else 0.0)
+    least = max(thresholds.ALONE, 1 - left / before) if background else 0.0
+    unmodelled = look_for_unmodelled(problem, calibrated, listed, say, least)
     if unmodelled and (not background or _down_to_noise(problem, unmodelled.fit)):
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
     if found and (found.named or not stands):

@@ -64,10 +64,9 @@ class Beside:
         self.trackings = list(trackings)
         self.evidence = Evidence(trackings, free)
         self.names = self.evidence.parameters
-        self.ports, self.acting = list(ports), [self.evidence.base, *linear]
         self._weight = [_followed(t) for t in self.trackings]
         self.background: list[Group] = []
-        parts = [self._white(e) for e in self.acting]
+        parts = [self._white(e) for e in (self.evidence.base, *linear)]
         for group, effect in background(trackings, ports):
             self.background.append(group)
             parts.append(self._white(effect))

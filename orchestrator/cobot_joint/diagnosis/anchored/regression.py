@@ -38,16 +38,13 @@ class Added:
     """Columns beside those of a regression: coefficients and covariance, (k,) and (k, k), everything else free.
 
     evidence: log of the ratio of marginal likelihoods, their prior as much as one reading says (Kass and Wasserman
-    1995, J. Am. Stat. Assoc. 90). variances: of the groups beside them. theta: all coefficients, these last; price:
-    what the freedom of all costs, in nats, negative.
+    1995, J. Am. Stat. Assoc. 90). variances: of the groups beside them.
     """
 
     coefficients: Array
     covariance: Array
     evidence: float
     variances: Array
-    theta: Array
-    price: float
 
 
 @dataclass(frozen=True)
@@ -120,9 +117,8 @@ class Regression:
         prior = np.diag(own) / self.readings  # as much as one reading says
         variances = self._estimated(self.variances, wide, g, k, FEW)
         theta, covariance = self._solved(variances, wide, g, k, prior)
-        evidence = self._evidence(variances, wide, g, k, prior)
-        price = evidence - _likelihood(theta, wide, g)
-        return Added(theta[-k:], covariance[-k:, -k:], evidence - self.evidence, variances, theta, price)
+        evidence = self._evidence(variances, wide, g, k, prior) - self.evidence
+        return Added(theta[-k:], covariance[-k:, -k:], evidence, variances)
 
     def predicted(self, more: Products, variances: Array) -> Array:
         """Log likelihood that the columns add to each block, all fitted to the other blocks: (blocks,)"""

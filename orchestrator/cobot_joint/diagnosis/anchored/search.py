@@ -13,7 +13,6 @@ from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.background import SPEEDS
 from cobot_joint.diagnosis.anchored.beside import Beside, Candidate, trimmed_sum
-from cobot_joint.diagnosis.anchored.resized import Resized
 from cobot_joint.diagnosis.anchored.tracks import Tracker
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.fit import NORMAL
@@ -30,7 +29,6 @@ FLAT = 1e3  # of a value: 1 sigma that a term's own parameter may be off
 FARTHEST = 0.5  # of a value, that a term's own parameter moves at once
 LEADERS = 4  # candidates whose onsets are looked at
 TRIED = 5  # of those best ranked
-WORTH_A_LOOK = 3.0  # nats, from which on the latent forces' sizes are estimated again with one of these
 POINTED = 20  # of those that a later look is confined to: what is far behind now stays there
 # of the logarithm of the odds: by the decimal logarithm of the evidence in nats, by the rival's share of it; even odds
 # at 25: by hand, above the false findings of some twenty drawn machines; to be fitted to a count (background_count.py)
@@ -200,7 +198,6 @@ class Searcher:
             c if c.term.name in self.bounds else at.with_onset(c, thresholds.LATER / 2) for c in ranked[:LEADERS]
         ]
         ranked = sorted([*leaders, *ranked[LEADERS:]], key=lambda c: -c.evidence)
-        ranked = self._with_latents_resized(at, ranked)
         self._pointed = self._pointed or {c.term.name for c in ranked[:POINTED]}
         found.ranking.append([(c.term.name, c.evidence) for c in ranked[:10]])
         taken = max((named.evidence for named in found.named), default=0.0)
@@ -214,14 +211,6 @@ class Searcher:
             if best.term.name in self.bounds or trimmed_sum(predicted) > 0:
                 promising.append(self._named(at, best, ranked[n + 1 :], predicted))
         return promising
-
-    def _with_latents_resized(self, at: Beside, ranked: list[Candidate]) -> list[Candidate]:
-        """The leaders with what they are worth where latent forces do not stand in for them, best first."""
-        resized, leaders = Resized(at), [c for c in ranked[:TRIED] if c.evidence > WORTH_A_LOOK]
-        found = [replace(c, evidence=resized.evidence(c)) for c in leaders]
-        for before, after in zip(leaders, found, strict=True):
-            self.say(f"{after.term.name}: evidence {before.evidence:.0f}, {after.evidence:.0f} with less latent force")
-        return sorted([*found, *ranked[len(leaders) :]], key=lambda c: -c.evidence)
 
     def _named(self, at: Beside, best: Candidate, others: Sequence[Candidate], predicted: NDArray[np.float64]) -> Named:
         close = best.evidence - max(thresholds.ANCHORED_ALIKE, thresholds.ANCHORED_ALIKE_SHARE * best.evidence)

@@ -1,4 +1,4 @@
-"""How often a name given beside a background is right: drawn machines with backgrounds, followed and counted.
+"""How often a name given beside a background is right: drawn machines with backgrounds, diagnosed and counted.
 
     python -m cobot_joint.diagnosis.evaluation.background_count CAMPAIGN.toml [--machines 100] [--seconds 8] [--seed 0]
                        [--jobs 2] [--out backgrounds.jsonl]
@@ -22,12 +22,12 @@ from typing import Any
 import numpy as np
 from joblib import Parallel, delayed
 
-from cobot_joint.diagnosis.anchored.follow import follow
-from cobot_joint.diagnosis.anchored.search import Search, confidence
 from cobot_joint.diagnosis.data.campaign import load_campaign
+from cobot_joint.diagnosis.engine import identify
 from cobot_joint.diagnosis.evaluation.backgrounds import FieldConcealer
 from cobot_joint.diagnosis.evaluation.score import rate
 from cobot_joint.diagnosis.evaluation.synthetic import Concealer, Drawn
+from cobot_joint.diagnosis.findings import Diagnosis
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 
 EFFECTS = (0.4, 0.4, 0.2)  # share of machines that conceal nothing, one, two
@@ -47,7 +47,7 @@ class Draws:
 
 
 def count(draws: Draws, out: Path, machines: int, jobs: int) -> list[Row]:
-    """Draw and follow what is not yet in `out`; every row of it."""
+    """Draw and diagnose what is not yet in `out`; every row of it."""
     rows = [json.loads(line) for line in out.read_text().splitlines()] if out.is_file() else []
     missing = sorted(set(range(machines)) - {row["k"] for row in rows})
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -60,26 +60,24 @@ def count(draws: Draws, out: Path, machines: int, jobs: int) -> list[Row]:
 
 
 def counted(draws: Draws, k: int) -> Row:
-    """The machine number k drawn, followed and judged."""
+    """The machine number k drawn, diagnosed and judged."""
     campaign = load_campaign(draws.pattern, roles=("train",))
     rng = np.random.default_rng((draws.seed, k))
     with FmuPlant(campaign.systems()) as plant:
         concealer = FieldConcealer(Concealer(campaign, plant, draws.seconds))
         drawn, background = concealer.draw(rng, int(rng.choice(len(EFFECTS), p=EFFECTS)))
         begun = time.process_time()
-        found = follow(drawn.campaign, plant, lambda words: None)
-    if found is None:
-        raise RuntimeError(f"machine {k} cannot be followed")
+        found = identify(drawn.campaign, plant)
     samples = sum(int(np.isfinite(y).sum()) for r in drawn.campaign.recordings for y in r.outputs.values())
     row = judge(drawn, found, background * float(np.sqrt(samples)))
     return {"k": k, "background": background, **row, "seconds": round(time.process_time() - begun, 1)}
 
 
-def judge(drawn: Drawn, found: Search, background: float) -> Row:
+def judge(drawn: Drawn, found: Diagnosis, background: float) -> Row:
     """What was concealed, what was said, and which of it is true, terms of one name being twins. background: root of
     the chi-square that a re-fit leaves of it."""
     names = [c.active.term.name.split(".")[1] for c in drawn.effects]
-    said = [{t.split(".")[1] for t in (n.name, *n.alike)} for n in found.named]
+    said = [{t.split(".")[1] for t in (f.term, *f.equivalent)} for f in found.findings]
     return {
         "effects": [
             {"term": c.active.term.name, "onset": c.active.onset, "over": c.size / background,
@@ -87,10 +85,12 @@ def judge(drawn: Drawn, found: Search, background: float) -> Row:
             for c, name in zip(drawn.effects, names, strict=True)
         ],
         "findings": [
-            {"term": n.name, "alike": n.alike, "evidence": n.evidence, "in_all": n.in_all, "predicted": n.predicted,
-             "rival": n.rival, "confidence": confidence(n), "true": bool(s & set(names))}
-            for n, s in zip(found.named, said, strict=True)
+            {"term": f.term, "equivalent": f.equivalent, "evidence": f.gain, "confidence": f.confidence,
+             "true": bool(s & set(names))}
+            for f, s in zip(found.findings, said, strict=True)
         ],
+        "verdict": found.verdict,
+        "left": found.structure,
     }  # fmt: skip
 
 

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from cobot_joint.diagnosis.anchored.beside import Candidate
-from cobot_joint.diagnosis.anchored.regression import Added
-from cobot_joint.diagnosis.anchored.search import Named, Search
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.evaluation.background_count import judge, tables
 from cobot_joint.diagnosis.evaluation.backgrounds import CLOSE, LEVELS, OVER, FieldConcealer
 from cobot_joint.diagnosis.evaluation.synthetic import Concealer, Drawn
+from cobot_joint.diagnosis.findings import Diagnosis, Finding
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
-from cobot_joint.diagnosis.state_estimation.evidence import Effect
 
 PATTERN = Path(__file__).parents[4] / "proof" / "open" / "case14" / "campaign.toml"
 
@@ -42,20 +38,18 @@ def machine() -> Drawn:
     return drawn(5, 1)[0]
 
 
-def said(machine: Drawn, name: str, alike: tuple[str, ...] = ()) -> Search:
-    term = replace(machine.effects[0].active.term, name=name)
-    added = Added(np.ones(1), np.eye(1), 50.0, np.ones(1))
-    candidate = Candidate(term, {}, None, added, 50.0, Effect([], []))
-    return Search(named=[Named(candidate, alike, 0.0, (1.0, 2.0, 3.0), {})])
+def said(*names: str) -> Diagnosis:
+    findings = [Finding(names[0], names[1:], 0.95, None, {}, {}, 50.0)] if names else []
+    return Diagnosis("explained" if names else "nothing_missing", findings, {}, {})
 
 
 def test_a_finding_is_true_by_its_own_name_or_an_alike_one_in_any_unit(machine: Drawn) -> None:
     concealed = machine.effects[0].active.term.name.split(".")[1]
     for found, true in (
-        (said(machine, f"other_unit.{concealed}"), True),
-        (said(machine, "motor_bldc.nothing_of_the_sort", (f"planetary_gear.{concealed}",)), True),
-        (said(machine, "motor_bldc.nothing_of_the_sort"), False),
-        (Search(), None),
+        (said(f"other_unit.{concealed}"), True),
+        (said("motor_bldc.nothing_of_the_sort", f"planetary_gear.{concealed}"), True),
+        (said("motor_bldc.nothing_of_the_sort"), False),
+        (said(), None),
     ):
         row = judge(machine, found, 100.0)
         assert [f["true"] for f in row["findings"]] == ([] if true is None else [true])
@@ -64,7 +58,7 @@ def test_a_finding_is_true_by_its_own_name_or_an_alike_one_in_any_unit(machine: 
 
 
 def test_the_tables_count_what_was_missed_and_what_was_false(machine: Drawn) -> None:
-    hit = judge(machine, said(machine, machine.effects[0].active.term.name), 100.0)
+    hit = judge(machine, said(machine.effects[0].active.term.name), 100.0)
     healthy = {"effects": [], "findings": [{**hit["findings"][0], "true": False, "confidence": 0.85}]}
     text = tables(
         [

@@ -111,7 +111,7 @@ def how_sure(f: Json, d: Json) -> str:
     if left is None or not f.get("evidence"):
         return f"{said}; along the recorded motion the confidence is set by hand so far, no count stands behind it"
     if given != confidence(f["evidence"], left, bool(f.get("shape"))):
-        return f"{said}, by what the recorded motion says; set by hand so far, no count stands behind it"
+        return f"{said}, by how far it stands out of a background; set by hand so far, no count stands behind it"
     (low, high), findings, right = counted(given)
     if not findings:
         return f"{said}; no finding as sure as this has been counted"

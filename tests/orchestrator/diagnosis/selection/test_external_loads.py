@@ -53,6 +53,18 @@ def test_a_term_beside_a_hand_is_named_as_well() -> None:
         assert found.fit.run.values["motor_bldc.windage.c"] == pytest.approx(4e-9, rel=0.1)
 
 
+def test_a_hand_beside_a_background_is_named_unless_a_listed_term_promises_half_of_it() -> None:
+    background = 2e-4 * np.sin(7 * TIME + 3 * TIME**2)
+    added = {"mr_brake_belt.tau_h": HELD, "motor_bldc.tau_add": background}
+    with calibrated({}, added=added) as (problem, base):
+        found = look_for_unlogged_load(problem, base, nothing, silent, lambda fit: 0.1)
+        assert found is not None
+        assert problem.unexplained(found.fit.residual)
+        assert found.finding.term == "mr_brake_belt.external_torque"
+        assert found.finding.confidence > 0.5
+        assert look_for_unlogged_load(problem, base, nothing, silent, lambda fit: 0.6) is None
+
+
 def test_a_belt_that_jumped_is_unlisted_with_the_angle_and_the_moment() -> None:
     with calibrated({}, added={"mr_brake_belt.stretch_add": JUMP}) as (problem, base):
         found = look_for_external_loads(problem, nothing(base), nothing, silent)

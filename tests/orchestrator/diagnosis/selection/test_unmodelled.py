@@ -57,6 +57,25 @@ def test_listed_terms_that_patch_a_shape_together_do_not_stand_in_for_it() -> No
     assert [f.term for f in found.findings] == ["axis.unlisted"]
 
 
+def test_a_listed_term_that_takes_most_beside_a_background_is_a_claim() -> None:
+    def background(w: Vector, phi: Vector) -> Vector:
+        return 4e-4 * np.sin(1.7 * phi + 1) + 4e-4 * np.sin(w / 9) + 3e-4 * np.sin(2.6 * phi)
+
+    found = diagnose_plant(
+        concealed(lambda w, phi: -6e-3 * sgn(w) * (np.abs(w) / 60) ** 2 + background(w, phi)), Axis()
+    )
+    assert found.structure["repaired"] > 30 * found.structure["scatter"]
+    assert [f.term for f in found.findings if f.confidence >= 0.5] == ["axis.windage"]
+
+
+def test_no_listed_term_is_claimed_of_a_background_alone() -> None:
+    def background(w: Vector, phi: Vector) -> Vector:
+        return 1e-3 * np.sin(1.7 * phi + 1) + 1e-3 * np.sin(w / 9) + 7e-4 * np.sin(2.6 * phi)
+
+    found = diagnose_plant(concealed(background), Axis())
+    assert {f.term for f in found.findings if f.confidence >= 0.5} <= {"axis.unlisted"}
+
+
 def test_where_no_formula_holds_the_shape_is_a_table() -> None:
     bump = lambda w: -8e-3 * sgn(w) * np.exp(-(((np.abs(w) - 40) / 4) ** 2))  # noqa: E731
     found = diagnose_plant(concealed(lambda w, phi: bump(w)), Axis())

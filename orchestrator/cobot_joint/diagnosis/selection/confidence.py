@@ -7,8 +7,8 @@ import math
 # of the logarithm of the odds, per feature below
 INTERCEPT = 2.94
 COEFFICIENTS = (-3.25, -1.17, -0.73)
-# beside a background: intercept, and per decade of what is left; even odds at three quarters taken, by hand: nothing
-# took more than 0.56 of eleven drawn machines but what was concealed there, which took 0.8 and more (an angle lost: 0.36)
+# beside a background: intercept, and per decade of what is left; even odds at three quarters taken, by hand: of eleven
+# drawn machines what was concealed took 0.8 and more (with an angle lost, 0.36), nothing else more than 0.56
 BESIDE = (-3.0, 5.0)
 LEAST_LEFT, MOST = 1e-3, 0.95
 LEFT = 500.0  # chi-square of slow structure from which on something is left

@@ -172,7 +172,7 @@ def _beyond_the_list(problem: Problem, listed: Selection, found: Search | None, 
     background = found is not None or _takes_most(problem, listed)
     least = max(thresholds.ALONE, 1 - left / before) if background else 0.0
     unmodelled = look_for_unmodelled(problem, calibrated, listed, say, least)
-    if unmodelled and (not background or _down_to_noise(problem, unmodelled.fit)):
+    if unmodelled and (not background or _believed(problem, listed, found, unmodelled)):
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
     if found and (found.named or not stands):
         return Explanation(calibrated, listed.fit, listed, [], anchored=found)
@@ -185,9 +185,13 @@ def _takes_most(problem: Problem, listed: Selection) -> bool:
     return max(map(beside_background, listed.taken(problem).values()), default=0.0) >= thresholds.EVEN
 
 
-def _down_to_noise(problem: Problem, fit: Fit) -> bool:
-    """Whether a fit leaves nothing: short of that, a formula may as well follow a background."""
-    return problem.excess(fit.residual) < thresholds.UNDECIDED * problem.excess_scatter
+def _believed(problem: Problem, listed: Selection, found: Search | None, unmodelled: Unmodelled) -> bool:
+    """Whether a formula stands beside a background, which a formula follows as well: where it leaves nothing, or next
+    to nothing and no term is a claim."""
+    if problem.excess(unmodelled.fit.residual) < thresholds.UNDECIDED * problem.excess_scatter:
+        return True
+    claims = _takes_most(problem, listed) or (found is not None and found.claims)
+    return unmodelled.taken > thresholds.ENOUGH and not claims
 
 
 def _along_the_motion(

@@ -89,6 +89,11 @@ class Search:
     repaired: dict[str, Estimate] = field(default_factory=dict)
     background: list[dict[str, object]] = field(default_factory=list)  # as `discrepancy` of diagnosis.json
 
+    @property
+    def claims(self) -> bool:
+        """Whether a term that was named is more likely right than not."""
+        return any(confidence(n) >= thresholds.EVEN for n in self.named)
+
     def supports(self, term: str) -> float:
         """Confidence in a term that was named, or could not be told from one; 0: neither."""
         return max((confidence(n) for n in self.named if term in (n.name, *n.alike)), default=0.0)

@@ -12,6 +12,7 @@ from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.answer import diagnosis as anchored_diagnosis
 from cobot_joint.diagnosis.anchored.follow import follow
 from cobot_joint.diagnosis.anchored.search import Search
+from cobot_joint.diagnosis.candidates.scan_ranges import driven
 from cobot_joint.diagnosis.candidates.score_test import Scan
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.conditioning import condition
@@ -141,7 +142,7 @@ def _basis(campaign: Campaign) -> tuple[object, ...]:
 def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress, store: Store) -> Explanation:
     """With `terms` in the campaign: these, and nothing beyond them. Else all, and what no list names."""
     only = campaign.terms
-    scan = Scan(problem, _terms(problem, only), say)
+    scan = Scan(problem, driven(problem, calibrated, _terms(problem, only)), say)
     quick = Selector(problem, scan, say, least=0.0 if only else thresholds.PROMISES)
     select = quick.select
     if not only and (load := look_for_unlogged_load(problem, calibrated, select, say, quick.promised)):
@@ -208,7 +209,15 @@ def _terms(problem: Problem, only: Sequence[str]) -> list[TermCandidate]:
     known = [term.name for term in problem.plant.terms]
     if unknown := [name for name in only if name not in known]:
         raise UserError(f"terms: {unknown[0]!r} is given, the system has {among(known)}")
-    return [term for term in problem.plant.terms if not only or term.name in only]
+    if only:
+        return [term for term in problem.plant.terms if term.name in only]
+    table = all(recording.scatter for recording in problem.recordings)
+    return [term for term in problem.plant.terms if not (table and _remembers(term))]
+
+
+def _remembers(term: TermCandidate) -> bool:
+    """Whether a time or a way is among its shapes: the rows of a table follow one another in no time that counts."""
+    return any(shape.unit in ("s", "rad", "m") and not shape.whole for shape in term.shapes)
 
 
 def units_of(problem: Problem) -> dict[str, str]:

@@ -17,6 +17,9 @@ UNDECIDED = 30.0  # scatters, above which "nothing is missing" is not said thoug
 
 # -- a listed term's evidence
 EVIDENCE = 500.0  # chi-square that a term must take; linear scores of 400 healthy draws stay below 18 [count]
+EVIDENCE_IN_TABLE = (
+    30.0  # of some tens of rows: BIC of three numbers, 10, and 2 ln of some 1000 shapes tried, 14, and more
+)
 WORTH = 0.1  # of what the re-fit leaves above noise, that the first term must take [naming]
 LEAVES = 0.5  # of the excess before it, that a later term may leave: a patch on a form leaves more [naming]
 INEXACT = 3e-5  # of what was taken before, that a later term must take: no form is known to half a percent [naming]

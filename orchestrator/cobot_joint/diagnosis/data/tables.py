@@ -13,6 +13,7 @@ from cobot_joint.diagnosis.data.recording import ROWS, Column, Connector, Readin
 from cobot_joint.errors import UserError, among
 
 Vector = NDArray[np.float64]
+PARTS = 10  # of a file, whose means say how well its mean is known
 HOLD, PER_HOLD = 2.0, 40  # s that a row is held, half of it on the way from the last one; samples of it
 
 
@@ -26,7 +27,8 @@ def read_table(
     """One recording whose rows are held one after the other; outputs count at the end of each hold only.
 
     reading.table: "mean", each file is one row, the mean of its channels; "rows", each line of a file is one, without a
-    clock. `scatter` is 1 sigma of an output's rows about their neighbours. UserError: too few rows, a wrong file.
+    clock. `scatter` is 1 sigma of an output's rows: by how the means of parts of a file differ, or by rows about their
+    neighbours, whichever is less. UserError: too few rows, a wrong file.
     """
     runs = [read_recording(file, connectors, columns, reading) for file in files]
     first = runs[0]
@@ -48,7 +50,10 @@ def read_table(
         time=np.asarray(time, dtype=np.float64),
         inputs={name: _held(rows[name], len(time)) for name in first.inputs},
         outputs={name: _at_the_ends(rows[name], len(time)) for name in first.outputs},
-        scatter={name: scatter([rows[n] for n in first.inputs], rows[name]) for name in first.outputs},
+        scatter={
+            name: _noise(runs, reading.table, [rows[n] for n in first.inputs], rows[name], name)
+            for name in first.outputs
+        },
         notes=list(dict.fromkeys(note for r in runs for note in r.notes)),
         path=files[0],
     )
@@ -70,6 +75,22 @@ def _at_the_ends(rows: Vector, samples: int) -> Vector:
     series = np.full(samples, np.nan)
     series[(np.arange(len(rows)) + 1) * PER_HOLD] = rows
     return series
+
+
+def _noise(runs: Sequence[Recording], kind: str | None, inputs: Sequence[Vector], y: Vector, name: str) -> float:
+    """1 sigma of a row."""
+    among_rows = scatter(inputs, y)
+    errors = [error_of_mean(r.outputs[name]) for r in runs] if kind == "mean" else []
+    known = [e for e in errors if np.isfinite(e) and e > 0]
+    return min(float(np.sqrt(np.mean(np.square(known)))), among_rows) if known else among_rows
+
+
+def error_of_mean(y: Vector) -> float:
+    """1 sigma of a series' mean, by those of its parts, which are to be longer than it remembers. NaN: too short."""
+    parts = [part[np.isfinite(part)] for part in np.array_split(y, PARTS)]
+    if min(len(part) for part in parts) < 2:
+        return float("nan")
+    return float(np.std([part.mean() for part in parts], ddof=1) / np.sqrt(PARTS))
 
 
 def scatter(inputs: Sequence[Vector], y: Vector) -> float:

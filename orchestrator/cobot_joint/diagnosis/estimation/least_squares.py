@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import lsq_linear
 
+from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.estimation.effects import Coordinate, Effect
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
@@ -118,6 +119,7 @@ class _Search:
         self.prior = hypothesis.prior
         self.own = [k for k, c in enumerate(coordinates) if c.kind != "base"]
         self.jacobians = precision.jacobians  # that are left
+        self.settled = precision.settled * problem.evidence / thresholds.EVIDENCE  # a table's few rows are soon fitted
         self.begun = np.inf  # cost with the last fresh Jacobian
         self.base: Simulated | None = None
         self.J: Vector | None = None
@@ -145,7 +147,7 @@ class _Search:
         found = self.problem.simulate([self.hypothesis.run(trial)])[0]
         rest = self.problem.recorded - found.white if found is not None else self.residual
         new = self._cost(rest, trial) if found is not None else np.inf
-        worth = max(self.precision.settled, self.precision.roughly * self._above(min(self.cost, new)))
+        worth = max(self.settled, self.precision.roughly * self._above(min(self.cost, new)))
         # a damped step's small gain is no end
         enough = self.precision.roughly > 0 and self.begun - min(self.cost, new) < LAST * worth
         if found is None or new >= self.cost:
@@ -172,14 +174,14 @@ class _Search:
 
     def _after_failure(self, predicted: float, enough: bool) -> bool:
         """A step that did not help: a younger Jacobian, else more damping. Whether neither is worth trying."""
-        if predicted < self.precision.settled or (self.age == OLD and enough):
+        if predicted < self.settled or (self.age == OLD and enough):
             return True
         if self.age < self._youngest:
             self._renew()
         elif self.age == OLD:
             return True
         else:
-            self.damping = max(5 * self.damping, 1e-2 * max(self.cost - self.problem.samples, self.precision.settled))
+            self.damping = max(5 * self.damping, 1e-2 * max(self.cost - self.problem.samples, self.settled))
         return False
 
     @property

@@ -145,6 +145,12 @@ class Problem:
         """Rows that carry data."""
         return int(sum(block.weight.sum() for block in self.blocks))
 
+    @property
+    def evidence(self) -> float:
+        """Chi-square that a term must take."""
+        tables = all(recording.scatter for recording in self.recordings)
+        return thresholds.EVIDENCE_IN_TABLE if tables else thresholds.EVIDENCE
+
     def whiten(self, outputs: Sequence[Mapping[str, Vector]]) -> Vector:
         """Per recording, channel -> (n,): stacked as (rows,), divided by the innovation's sigma."""
         stacked = np.empty(self.rows)

@@ -253,9 +253,9 @@ def _ports(component: Component) -> list[Port]:
     outside = {flange.tau for flange in unit.flanges}
     loads = sorted(own(LOADS), key=lambda n: (n in outside, unit.variables[n].causality == "input"))
     signals, angles = full(own((*MOTION, *LOADS, "V"))), full(own(("rad",)))
-    voltages = full(own(("V",), ("input",)))
+    voltages, speeds = full(own(("V",), ("input",))), full(own(("rad/s", "m/s")))
     return [
-        Port(f"{component.name}.{name}", unit.unit_of(name) or "1", signals, angles, "", full(loads), voltages)
+        Port(f"{component.name}.{name}", unit.unit_of(name) or "1", signals, angles, "", full(loads), voltages, speeds)
         for name, variable in unit.variables.items()
         if variable.causality == "input" and variable.type == "Real" and name.endswith(ADDITIVE)
     ]

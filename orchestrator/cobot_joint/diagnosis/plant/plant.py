@@ -94,6 +94,7 @@ class Port:
     connector: str = ""  # of the system, where it leads there
     loads: tuple[str, ...] = ()  # those that are torques, forces or currents: a unit's own before those at its flanges
     voltages: tuple[str, ...] = ()  # those of its inputs that are voltages
+    speeds: tuple[str, ...] = ()  # those of `signals` that are speeds
 
     @property
     def component(self) -> str:

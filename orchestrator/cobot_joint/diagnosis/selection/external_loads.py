@@ -114,7 +114,7 @@ def _beside(problem: Problem, listed: Selection, select: Select, say: Say) -> Un
     """Loads beside the terms of a selection; None: none takes enough of what these leave."""
     start, spans = listed.fit, short_times(problem, listed.fit.residual)
     found = _best(problem, start, spans, say) if spans else None
-    if found is None or start.cost - found[0].cost < thresholds.EVIDENCE:
+    if found is None or start.cost - found[0].cost < problem.evidence:
         return None
     (best, port), selected = found, listed.selected
     offset = any(isinstance(e, StepOffset) for e in acting(best))

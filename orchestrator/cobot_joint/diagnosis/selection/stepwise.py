@@ -121,7 +121,7 @@ class Selector:
             self.progress("the last fit had not come to its end")
             best = again
             so_far = replace(so_far, history=[*so_far.history[:-1], best])
-        if best.cost - winner.cost < thresholds.EVIDENCE:
+        if best.cost - winner.cost < self.problem.evidence:
             return replace(so_far, done=len(ranking) > thresholds.MOST_TERMS)
         return self._added(so_far, winner, found) if self._is_worth_it(so_far, winner) else replace(so_far, done=True)
 
@@ -167,9 +167,9 @@ class Selector:
             if not active and not self.promises(best, ranked):
                 return ranked, {}, None
             own = [s for s in ranked if s.term.name not in self.scan.indistinguishable]  # not fitted twice
-            found = self.competition.fits(best, own, thresholds.RIVAL * thresholds.EVIDENCE)
+            found = self.competition.fits(best, own, thresholds.RIVAL * self.problem.evidence)
             winner = min(found.values(), key=lambda f: f.cost, default=None)
-            if winner is not None and best.cost - winner.cost >= thresholds.EVIDENCE:
+            if winner is not None and best.cost - winner.cost >= self.problem.evidence:
                 return ranked, found, winner
         return ranked, found, None
 
@@ -200,7 +200,7 @@ class Selector:
         for other in (t for t in self.scan.terms if t.name in twins):
             values = {name.replace(last.name, other.name, 1): value for name, value in last.values.items()}
             found = fit_added(self.problem, winner, [replace(last, term=other, values=values)], finished(2, steps=15))
-            if found is not None and winner.cost - found.cost > thresholds.EVIDENCE:
+            if found is not None and winner.cost - found.cost > self.problem.evidence:
                 self.progress(f"{other.name} as well")
                 winner = found
         return winner
@@ -216,9 +216,9 @@ class Selector:
 
         A large term's claim is checked without it anyhow, so that a small share of what is above noise may be left.
         """
-        doubt = 0.5 * thresholds.BEYOND_DOUBT * thresholds.EVIDENCE
+        doubt = 0.5 * thresholds.BEYOND_DOUBT * self.problem.evidence
         may_leave = min(SETTLED * (best.chi2 - self.problem.samples), doubt)
-        if predicted_decrease(best) < max(thresholds.EVIDENCE, may_leave):
+        if predicted_decrease(best) < max(self.problem.evidence, may_leave):
             return best
         found = fit(self.problem, best.hypothesis, best.x, None, finished(3, steps=30))
         return found if found is not None and found.cost < best.cost else best
@@ -234,7 +234,7 @@ class Selector:
                 best = min(best, self.competition.with_onset(best, k), key=attrgetter("cost"))
                 always = self.competition.from_start(best, k)
                 best = always if always is not None and always.cost < best.cost + thresholds.ALIKE else best
-            if before - best.cost < thresholds.EVIDENCE:
+            if before - best.cost < self.problem.evidence:
                 break
         return best
 
@@ -249,7 +249,7 @@ class Selector:
         count = len(best.x)  # the winner's coordinates are those of the fit before, then its last term's
         last = [k for k, c in enumerate(coordinates) if c.names[0] == term.amplitude]
         J = self.renewed(winner, [k for k in range(count) if coordinates[k].component == term.component])
-        needed = loss_without(replace(winner, jacobian=J), term.name) > thresholds.BEYOND_DOUBT * thresholds.EVIDENCE
+        needed = loss_without(replace(winner, jacobian=J), term.name) > thresholds.BEYOND_DOUBT * self.problem.evidence
         J = J if needed else self.renewed(winner, range(len(coordinates)))
         stands_in = np.linalg.lstsq(J[:, :count], J[:, last] @ winner.x[last], rcond=SUBSET)[0]
         hypothesis = replace(winner.hypothesis, effects=winner.hypothesis.effects[:-1])
@@ -273,7 +273,7 @@ class Selector:
     def without_needless(self, best: Fit, selected: list[Selected]) -> tuple[Fit, list[Selected]]:
         """Without earlier terms that the last one made needless: what stood in for it while it was off."""
         for term in selected[:-1]:
-            needed = max(thresholds.EVIDENCE, thresholds.STILL_NEEDED * term.gain)
+            needed = max(self.problem.evidence, thresholds.STILL_NEEDED * term.gain)
             if loss_without(best, term.term) > thresholds.NEEDS_NO_FIT * needed:
                 continue
             found = self._without(best.settled(), term.term)

@@ -178,7 +178,7 @@ def _answer(
         return None
     gained = start.cost - found.cost
     taken = 1 - problem.excess(found.residual) / max(problem.excess(start.residual), 1e-9)
-    if taken < thresholds.HOLDS or gained < thresholds.EVIDENCE:
+    if taken < thresholds.HOLDS or gained < problem.evidence:
         return None
     form = _table_form(found, choice.port, table, taken) if table else _formula(found, choice, taken)
     alike = indistinguishable_ports(problem, start, choice, thresholds.COLLINEAR)

@@ -10,7 +10,7 @@ import pytest
 
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.data.conditioning import condition
-from cobot_joint.diagnosis.data.tables import PER_HOLD, scatter
+from cobot_joint.diagnosis.data.tables import PER_HOLD, error_of_mean, scatter
 from cobot_joint.diagnosis.drafts.chain import chain, write_readable
 from cobot_joint.errors import UserError
 
@@ -96,3 +96,10 @@ def test_the_page_s_campaign_reads_a_drive_maker_s_exports_as_they_are(
                                    2, 10, 20, 40, 50, 60, 80, 90, 100, 140, 160, 200], abs=1)  # fmt: skip
     assert np.all(np.sign(torque) == np.sign(speed))
     assert 0.02 < 1e3 * train.scatter["tau"] < 0.3  # mN.m; a friction law leaves 0.04 to 0.13
+
+
+def test_how_well_a_row_is_known_the_means_of_parts_of_its_file_say() -> None:
+    rng = np.random.default_rng(4)
+    errors = [error_of_mean(3.0 + rng.normal(0, 0.5, 2000)) for _ in range(40)]
+    assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(0.5 / np.sqrt(2000), rel=0.15)
+    assert np.isnan(error_of_mean(np.arange(12.0)))

@@ -15,7 +15,8 @@ static void unit_equations(Unit *m) {
   if (m->viscous_asymmetry_d_A != 0) m->tau_f += fmax(m->viscous_asymmetry_d_A * copysign(1, w), -viscous(m, w)) * w;
 
   /* (J + J_variable + m (lead^2 + r^2)) dw/dt = tau + tau_add + lead F_add - tau_g - tau_f */
-  const double J = m->body_J + m->J_variable + mass * (square(lead) + square(r));
+  const double J_log = fmax(m->J_variable, 0); /* continued by its derivative, an input may pass its bound */
+  const double J = m->body_J + J_log + mass * (square(lead) + square(r));
   m->der_x_w = m->motion_source == IMPOSED ? 0 : (m->tau + m->tau_add + lead * m->F_add - m->tau_g - m->tau_f) / J;
   m->der_phi = w;
   m->der_W = m->tau * w;

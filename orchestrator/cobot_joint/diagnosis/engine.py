@@ -143,23 +143,18 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     """With `terms` in the campaign: these, and nothing beyond them. Else all, and what no list names."""
     only = campaign.terms
     scan = Scan(problem, driven(problem, calibrated, _terms(problem, only)), say)
-    quick = Selector(problem, scan, say, least=0.0 if only else thresholds.PROMISES)
-    select = quick.select
-    if not only and (load := look_for_unlogged_load(problem, calibrated, select, say, quick.promised)):
+    beside = Selector(problem, scan, say)
+    if not only and (load := look_for_unlogged_load(problem, calibrated, beside.select, say, beside.promised)):
         nothing = Selection([calibrated], indistinguishable=dict(scan.indistinguishable))
         return Explanation(calibrated, load.fit, nothing, load.selected, load)
-    listed = Selector(problem, scan, say, store, quick.least).select(calibrated, _basis(campaign))
-    found = _along_the_motion(campaign, problem, listed, say, store) if listed.spread else None
-    if listed.spread and found is None:
-        listed = Selector(problem, scan, say, store).select(calibrated, _basis(campaign))
+    listed = Selector(problem, scan, say, store).select(calibrated, _basis(campaign))
     calibrated = listed.history[0]  # that of before, or a better one that came up on the way
     if only:
         kept = worth_naming(problem, calibrated, listed)
         return Explanation(calibrated, kept.fit, listed, kept.selected)
-    if loads := look_for_external_loads(problem, listed, select, say):
+    if loads := look_for_external_loads(problem, listed, beside.select, say):
         return Explanation(calibrated, loads.fit, listed, loads.selected, loads)
-    if found is None and not _takes_most(problem, listed):
-        found = _along_the_motion(campaign, problem, listed, say, store)
+    found = None if _takes_most(problem, listed) else _along_the_motion(campaign, problem, listed, say, store)
     return _beyond_the_list(problem, listed, found, say)
 
 
@@ -171,7 +166,7 @@ def _beyond_the_list(problem: Problem, listed: Selection, found: Search | None, 
     if found and stands and found.supports(stands[0].term):
         return Explanation(calibrated, listed.fit, listed, stands, anchored=found)
     background = found is not None or _takes_most(problem, listed)
-    least = max(thresholds.ALONE, 1 - left / before) if background else 0.0
+    least = max(thresholds.ALONE, 1 - left / max(before, 1e-9)) if background else 0.0
     unmodelled = look_for_unmodelled(problem, calibrated, listed, say, least)
     if unmodelled and (not background or _believed(problem, listed, found, unmodelled)):
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)

@@ -27,10 +27,6 @@ STILL_NEEDED = 0.02  # of what an earlier term took, that it must take beside a 
 LATER = 60.0  # chi-square by which a late onset must beat being there from the start: 16 onsets, two sigma each [count]
 MOST_TERMS = 4  # of a campaign, and features of a formula; drawn campaigns have two at most [count]
 
-PROMISES = (
-    0.3  # of what is above noise, that the first must promise: no campaign of proof/open or proof/sealed has less
-)
-
 # -- what cannot be told apart
 COLLINEAR = 0.9995  # cosine from which on two responses are one: motor and gear friction have 1.000 [naming]
 ALIKE = 30.0  # chi-square by which a term's fit may be worse and still not be told apart: five sigma of one number

@@ -53,7 +53,6 @@ class Selection:
     indistinguishable: dict[str, str] = field(default_factory=dict)  # term -> the one of another unit that it equals
     probes: dict[str, float] = field(default_factory=dict)  # of the score test, which a later round needs
     done: bool = False
-    spread: bool = False  # no term alone promised much, so that none was fitted
 
     @property
     def fit(self) -> Fit:
@@ -73,20 +72,13 @@ class Selection:
 
 
 class Selector:
-    """Adds terms to a calibrated base model.
+    """Adds terms to a calibrated base model."""
 
-    least: share of what is above noise that the score test has to promise of a first term; where none does, nothing is
-    fitted.
-    """
-
-    def __init__(
-        self, problem: Problem, scan: Scan, progress: Progress, store: Store | None = None, least: float = 0.0
-    ) -> None:
+    def __init__(self, problem: Problem, scan: Scan, progress: Progress, store: Store | None = None) -> None:
         self.problem = problem
         self.scan = scan
         self.progress = progress
         self.store = store or Store(None)
-        self.least = least
         self.competition = Competition(problem)
         self._columns: list[Column] = []  # at the base model
 
@@ -98,7 +90,7 @@ class Selector:
                 break
             trail = [(s.term, s.gain) for s in so_far.selected]
             stage = f"selection-{len(so_far.ranking) + 1}"
-            so_far = self.store.remember(stage, (basis, self.least, trail), partial(self.round, so_far))
+            so_far = self.store.remember(stage, (basis, trail), partial(self.round, so_far))
             self.scan.probe, self.scan.indistinguishable = dict(so_far.probes), dict(so_far.indistinguishable)
         return so_far
 
@@ -114,8 +106,7 @@ class Selector:
         probes, indistinguishable = dict(self.scan.probe), dict(self.scan.indistinguishable)
         so_far = replace(so_far, ranking=ranking, probes=probes, indistinguishable=indistinguishable)
         if winner is None:
-            spread = not so_far.selected and not self.promises(best, ranked)
-            return replace(so_far, done=True, spread=spread)
+            return replace(so_far, done=True)
         again = self.without_last(best, winner)
         if again is not None and again.cost < best.cost:
             self.progress("the last fit had not come to its end")
@@ -164,8 +155,6 @@ class Selector:
             if not active:
                 self._columns = columns
             ranked = scores(self.problem, best, columns)
-            if not active and not self.promises(best, ranked):
-                return ranked, {}, None
             own = [s for s in ranked if s.term.name not in self.scan.indistinguishable]  # not fitted twice
             found = self.competition.fits(best, own, thresholds.RIVAL * self.problem.evidence)
             winner = min(found.values(), key=lambda f: f.cost, default=None)
@@ -173,18 +162,11 @@ class Selector:
                 return ranked, found, winner
         return ranked, found, None
 
-    def promises(self, best: Fit, ranked: Sequence[Score]) -> bool:
-        """Whether some term alone would take `least` of what a fit leaves above noise."""
-        return self._promised(best, ranked) >= self.least
-
     def promised(self, best: Fit) -> float:
         """Share of what a fit leaves above noise that a term which acts for the whole time would take."""
         ranked = scores(self.problem, best, self.scan.columns(best))
-        return self._promised(best, [s for s in ranked if not s.term.episode])
-
-    def _promised(self, best: Fit, ranked: Sequence[Score]) -> float:
-        above = best.chi2 - self.problem.samples
-        return max((s.gain for s in ranked), default=0.0) / max(above, 1e-9)
+        gain = max((s.gain for s in ranked if not s.term.episode), default=0.0)
+        return gain / max(best.chi2 - self.problem.samples, 1e-9)
 
     def in_every_unit(self, winner: Fit) -> Fit:
         """Where the last term is as large as it can be, the same term also in the unit that responds alike.

@@ -13,12 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.diagnosis.plant.plant import Port
+from cobot_joint.diagnosis.plant.plant import SPEEDS, Port
 from cobot_joint.diagnosis.state_estimation.evidence import Effect, Tracking
 
 Array = NDArray[np.float64]
 OVER_SPEED, OVER_LOAD = 10, 6  # bells side by side
-SPEEDS = ("rad/s", "m/s")
 STANDS = 1e-9  # range of a signal that does not change
 
 

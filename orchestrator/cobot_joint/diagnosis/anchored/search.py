@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 
 from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis import thresholds
-from cobot_joint.diagnosis.anchored.background import SPEEDS
 from cobot_joint.diagnosis.anchored.beside import Beside, Candidate, trimmed_sum
 from cobot_joint.diagnosis.anchored.tracks import Tracker
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.fit import NORMAL
 from cobot_joint.diagnosis.findings import Estimate
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
-from cobot_joint.diagnosis.plant.plant import PROBE, TermCandidate
+from cobot_joint.diagnosis.plant.plant import PROBE, SPEEDS, TermCandidate
 from cobot_joint.diagnosis.plant.plant import SimulationError as RunError
 from cobot_joint.diagnosis.state_estimation.evidence import Effect, combinations
 

@@ -9,9 +9,8 @@ import numpy as np
 
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem
-from cobot_joint.diagnosis.plant.plant import ScannedShape, TermCandidate
+from cobot_joint.diagnosis.plant.plant import SPEEDS, ScannedShape, TermCandidate
 
-SPEEDS = ("rad/s", "m/s")
 SLOW, FAST = 0.02, 0.5  # of the highest speed driven, between which a curve over speed can bend and be seen to
 HARDLY = 0.1  # of it, that a scan has to reach
 FURTHER = 30.0  # times beyond the scanned range, that a fit may go: as units' own shapes

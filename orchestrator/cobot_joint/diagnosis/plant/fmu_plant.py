@@ -15,7 +15,15 @@ from numpy.typing import NDArray
 from cobot_joint.cosim import Simulation
 from cobot_joint.cosim.instances import UnitEndedError
 from cobot_joint.diagnosis.data.recording import Recording
-from cobot_joint.diagnosis.plant.plant import Parameter, Port, ScannedShape, Signals, SimulationError, TermCandidate
+from cobot_joint.diagnosis.plant.plant import (
+    SPEEDS,
+    Parameter,
+    Port,
+    ScannedShape,
+    Signals,
+    SimulationError,
+    TermCandidate,
+)
 from cobot_joint.diagnosis.plant.simulator import run_beside
 from cobot_joint.system.model import Component, Connection, Connector, System
 from cobot_joint.system.wiring import ADDITIVE
@@ -253,7 +261,7 @@ def _ports(component: Component) -> list[Port]:
     outside = {flange.tau for flange in unit.flanges}
     loads = sorted(own(LOADS), key=lambda n: (n in outside, unit.variables[n].causality == "input"))
     signals, angles = full(own((*MOTION, *LOADS, "V"))), full(own(("rad",)))
-    voltages, speeds = full(own(("V",), ("input",))), full(own(("rad/s", "m/s")))
+    voltages, speeds = full(own(("V",), ("input",))), full(own(SPEEDS))
     return [
         Port(f"{component.name}.{name}", unit.unit_of(name) or "1", signals, angles, "", full(loads), voltages, speeds)
         for name, variable in unit.variables.items()

@@ -83,6 +83,9 @@ class TermCandidate:
         return (names["t_0"], names["T_d"]) if {"t_0", "T_d"} <= names.keys() else None
 
 
+SPEEDS = ("rad/s", "m/s")
+
+
 @dataclass(frozen=True)
 class Port:
     """An additive input, 0 when unused, and the component's own signals that an effect there may depend on."""

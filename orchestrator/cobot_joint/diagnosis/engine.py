@@ -21,13 +21,13 @@ from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit
 from cobot_joint.diagnosis.estimation.problem import Noise, Problem
 from cobot_joint.diagnosis.experiments.discriminate import advise
-from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding, Verdict
+from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding, Ground, Verdict
 from cobot_joint.diagnosis.localization.evidence import where_it_shows
 from cobot_joint.diagnosis.localization.isolability import prefetch
 from cobot_joint.diagnosis.localization.localize import locate_difference
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import Plant, TermCandidate
-from cobot_joint.diagnosis.selection.confidence import beside_background, confidence
+from cobot_joint.diagnosis.selection.confidence import COUNTED_TERMS, beside_background, confidence
 from cobot_joint.diagnosis.selection.external_loads import look_for_external_loads, look_for_unlogged_load
 from cobot_joint.diagnosis.selection.stepwise import SETTLED, Selected, Selection, Selector, prune, worth_naming
 from cobot_joint.diagnosis.selection.unmodelled import Unmodelled, look_for_unmodelled
@@ -206,8 +206,7 @@ def _terms(problem: Problem, only: Sequence[str]) -> list[TermCandidate]:
         raise UserError(f"terms: {unknown[0]!r} is given, the system has {among(known)}")
     if only:
         return [term for term in problem.plant.terms if term.name in only]
-    table = all(recording.scatter for recording in problem.recordings)
-    return [term for term in problem.plant.terms if not (table and _remembers(term))]
+    return [term for term in problem.plant.terms if not (problem.is_table and _remembers(term))]
 
 
 def _remembers(term: TermCandidate) -> bool:
@@ -229,7 +228,7 @@ def _answer(problem: Problem, explanation: Explanation) -> Diagnosis:
     findings = [_finding(problem, explanation, selected, repaired, left) for selected in explanation.selected]
     if explanation.unmodelled:
         findings.append(explanation.unmodelled.finding)
-    findings.sort(key=lambda f: -f.gain)
+    findings = sorted((replace(f, ground=_ground(problem, f, left)) for f in findings), key=lambda f: -f.gain)
     return Diagnosis(
         verdict=_verdict(findings, left > thresholds.UNDECIDED * problem.excess_scatter),
         findings=findings,
@@ -260,6 +259,17 @@ def _sure(problem: Problem, explanation: Explanation, selected: Selected, left: 
     beside = beside_background(shares.get(selected.term, 0.0)) if much else 0.0
     along = explanation.anchored.supports(selected.term) if explanation.anchored else 0.0
     return max(confidence(selected.gain, left), beside, along)
+
+
+def _ground(problem: Problem, finding: Finding, left: float) -> Ground:
+    """What stands behind its confidence."""
+    if problem.is_table:
+        return "table"
+    if not finding.shape and finding.term.rsplit(".")[-1] not in COUNTED_TERMS:
+        return "term not counted"
+    return (
+        "drawn machines" if finding.confidence == confidence(finding.gain, left, bool(finding.shape)) else "background"
+    )
 
 
 def _finding(

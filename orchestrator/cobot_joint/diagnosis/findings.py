@@ -13,6 +13,8 @@ from cobot_joint.diagnosis.plant.correction import Product
 from cobot_joint.diagnosis.store import plain
 
 Verdict = Literal["nothing_missing", "explained", "unlisted", "undecided"]
+# what stands behind a confidence: the count of drawn machines, or one of those for which none was made
+Ground = Literal["drawn machines", "background", "recorded motion", "table", "frequency response", "term not counted"]
 
 
 @dataclass(frozen=True)
@@ -110,6 +112,7 @@ class Finding:
     gain: float  # evidence: chi-square that it takes away, corrected for the noise's colour
     shape: Form | None = None  # of an effect that is on no list
     load_history: LoadHistory | None = None
+    ground: Ground = "recorded motion"
 
     @property
     def component(self) -> str:
@@ -123,6 +126,7 @@ class Finding:
             "equivalent": list(self.equivalent),
             "component": self.component,
             "confidence": self.confidence,
+            "confidence_from": self.ground,
             "onset": self.onset,
             "parameters": {n.removeprefix(f"{self.term}."): e.to_json() for n, e in self.parameters.items()},
             "where": self.where,

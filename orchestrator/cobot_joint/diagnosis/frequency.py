@@ -24,7 +24,7 @@ from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, difference, fit
 from cobot_joint.diagnosis.estimation.problem import SMOOTH, Noise, Problem, Run
-from cobot_joint.diagnosis.findings import Candidate, Diagnosis, Finding
+from cobot_joint.diagnosis.findings import Candidate, Diagnosis, Estimate, Finding
 from cobot_joint.diagnosis.localization.conditions import Condition
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.frequency_plant import CHANNEL, FrequencyPlant, by_frequency, quick
@@ -326,15 +326,20 @@ def _diagnosis(response: Response, best: Reading, readings: Sequence[Reading]) -
     findings = []
     dof = len(response.recording.time) - len(found.x)
     where, left = _where(response, best), max(found.chi2 - dof, 0.0)
+
+    def finding(term: str, alike: tuple[str, ...], parameters: dict[str, Estimate], gain: float) -> Finding:
+        sure = confidence(gain, left)
+        return Finding(term, alike, sure, None, parameters, where, gain, ground="frequency response")
+
     for active in found.hypothesis.terms:
         names = [active.term.amplitude, *(s.name for s in active.term.shapes)]
         parameters = {n.split(".", 1)[1]: estimates[n] for n in names}
         gain = best.calibrated.chi2 - found.chi2
-        findings.append(Finding(active.name, best.equivalent, confidence(gain, left), None, parameters, where, gain))
+        findings.append(finding(active.name, best.equivalent, parameters, gain))
     if best.alternative.term:
         others = [r.repaired.chi2 for r in readings if r.alternative.term != best.alternative.term]
         gain = max(min(others) - found.chi2, 0.0) if others else 0.0
-        findings.append(Finding(best.alternative.term, (), confidence(gain, left), None, {}, where, gain))
+        findings.append(finding(best.alternative.term, (), {}, gain))
     explained = found.chi2 < dof + thresholds.LEFT_SIGMA * np.sqrt(2 * dof)
     return Diagnosis(
         ("explained" if findings else "nothing_missing") if explained else "undecided",

@@ -117,7 +117,7 @@ def test_the_report_of_a_frequency_response_stands_alone_and_begins_like_any_oth
     root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     nominal, reading = fitted(1405.0), Reading(Alternative(name="as told"), 0.2, fitted(1405.0), fitted(30.0), [], ())
-    finding = Finding("planetary_gear.stribeck", (), 0.95, None, {}, {}, nominal.chi2)
+    finding = Finding("planetary_gear.stribeck", (), 0.95, None, {}, {}, nominal.chi2, ground="frequency response")
     answer = Diagnosis("explained", [finding], {}, {})
     monkeypatch.setattr(frequency_run, "diagnose_response", lambda *_: (answer, [reading]))
     campaign = root / "proof" / "real" / "thesis_table_c1" / "campaign.toml"

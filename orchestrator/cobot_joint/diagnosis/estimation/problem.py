@@ -148,8 +148,12 @@ class Problem:
     @property
     def evidence(self) -> float:
         """Chi-square that a term must take."""
-        tables = all(recording.scatter for recording in self.recordings)
-        return thresholds.EVIDENCE_IN_TABLE if tables else thresholds.EVIDENCE
+        return thresholds.EVIDENCE_IN_TABLE if self.is_table else thresholds.EVIDENCE
+
+    @property
+    def is_table(self) -> bool:
+        """Whether rows are steady states, without a time that counts."""
+        return all(recording.scatter for recording in self.recordings)
 
     def whiten(self, outputs: Sequence[Mapping[str, Vector]]) -> Vector:
         """Per recording, channel -> (n,): stacked as (rows,), divided by the innovation's sigma."""

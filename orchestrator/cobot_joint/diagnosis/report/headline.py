@@ -9,9 +9,16 @@ from typing import Any
 
 from cobot_joint.diagnosis.repair.gate import removed
 from cobot_joint.diagnosis.report.words import load_history
-from cobot_joint.diagnosis.selection.confidence import confidence, counted
+from cobot_joint.diagnosis.selection.confidence import counted
 
 Json = Mapping[str, Any]
+NOT_COUNTED = {  # what stands behind a confidence -> what is to be said of it
+    "background": "by how far it stands out of a background; set by hand so far, no count stands behind it",
+    "recorded motion": "along the recorded motion the confidence is set by hand so far, no count stands behind it",
+    "table": "findings from tables have not been counted",
+    "frequency response": "findings from frequency responses have not been counted",
+    "term not counted": "findings of this effect have not been counted",
+}
 SEEN = 1e-9  # of what is compared: noise below it is what rounding leaves
 
 
@@ -105,13 +112,8 @@ def how_sure(f: Json, d: Json) -> str:
     said = percent(given)
     if d.get("repair") == "withheld":
         return f"{said}: less than even, since it does not predict"
-    if "readings" in d:
-        return f"{said}; findings from frequency responses have not been counted"
-    left = (d.get("structure") or {}).get("repaired")
-    if left is None or not f.get("evidence"):
-        return f"{said}; along the recorded motion the confidence is set by hand so far, no count stands behind it"
-    if given != confidence(f["evidence"], left, bool(f.get("shape"))):
-        return f"{said}, by how far it stands out of a background; set by hand so far, no count stands behind it"
+    if (ground := f.get("confidence_from")) != "drawn machines":
+        return f"{said}; {NOT_COUNTED.get(ground or '', 'what stands behind it is not on record')}"
     (low, high), findings, right = counted(given)
     if not findings:
         return f"{said}; no finding as sure as this has been counted"

@@ -21,6 +21,39 @@ COUNTED = (
     ((0.95, 0.98), 118, 116),
     ((0.98, 1.01), 0, 0),
 )
+# of large effects of which two and more were drawn there
+COUNTED_TERMS = frozenset(
+    [
+        "backlash",
+        "brake_fade",
+        "brake_hysteresis",
+        "cogging",
+        "current_offset",
+        "dead_time",
+        "external_torque",
+        "friction_asymmetry",
+        "gain",
+        "hysteresis",
+        "imbalance",
+        "load_friction",
+        "low_pass",
+        "misalignment_ripple",
+        "position_friction",
+        "presliding",
+        "pulley_eccentricity",
+        "speed_delay",
+        "stiffness_hardening",
+        "stribeck",
+        "sublinear_viscous",
+        "supply_sag",
+        "torque_delay",
+        "torque_ripple",
+        "torque_saturation",
+        "transmission_error",
+        "viscous_warmup",
+        "windage",
+    ]
+)
 
 
 def features(gain: float, left: float, unlisted: bool) -> tuple[float, float, float]:

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -15,13 +16,14 @@ from lxml import html
 
 from cobot_joint.diagnosis.data.conditioning import assess
 from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.findings import Ground
 from cobot_joint.diagnosis.repair.compare import VARIANTS, compare
 from cobot_joint.diagnosis.report.chain import chain_of
-from cobot_joint.diagnosis.report.headline import TermText, how_sure, number, percent
+from cobot_joint.diagnosis.report.headline import NOT_COUNTED, TermText, how_sure, number, percent
 from cobot_joint.diagnosis.report.overlays import LEVELS, binned, over_signals
 from cobot_joint.diagnosis.report.pictures import of_panels
 from cobot_joint.diagnosis.report.report import ReportData, render, write_report
-from cobot_joint.diagnosis.selection.confidence import COUNTED, confidence
+from cobot_joint.diagnosis.selection.confidence import COUNTED, COUNTED_TERMS
 from cobot_joint.results.figures import COLOUR, Curve, Panel
 from cobot_joint.system import load_system
 
@@ -171,26 +173,24 @@ def test_a_twin_in_another_unit_is_marked_as_possible() -> None:
     assert {g.xpath("string(.//text[@class='name'])") for g in root.xpath("//g[@class='possible']")} == {"motor_bldc"}
 
 
-def sure(gain: float, left: float, given: float | None = None, **further: object) -> str:
-    finding = FINDING | {"evidence": gain, "confidence": confidence(gain, left) if given is None else given}
-    d = data("explained", [finding]).diagnosis | {"structure": {"repaired": left}} | further
-    return how_sure(d["findings"][0], d)
+def sure(given: float, ground: str | None, **further: object) -> str:
+    finding = FINDING | {"confidence": given, "confidence_from": ground}
+    return how_sure(finding, data("explained", [finding]).diagnosis | further)
 
 
 def test_a_counted_confidence_comes_with_its_count() -> None:
-    assert confidence(1e5, 0.0) == 0.95
     assert (
-        sure(1e5, 0.0) == "95 %; of 118 findings given 95 to 98 % on drawn machines with known answers 116 were right"
+        sure(0.95, "drawn machines")
+        == "95 %; of 118 findings given 95 to 98 % on drawn machines with known answers 116 were right"
     )
 
 
 @pytest.mark.parametrize(
     ("said", "why"),
     [
-        (sure(1e5, 0.0, 0.7), "set by hand so far"),
-        (sure(1e5, 0.0, 0.7, structure={}), "along the recorded motion the confidence is set by hand so far"),
-        (sure(1e5, 0.0, readings=[]), "frequency responses have not been counted"),
-        (sure(1e5, 0.0, 0.45, repair="withheld"), "less than even"),
+        *((sure(0.7, ground), why) for ground, why in NOT_COUNTED.items()),
+        (sure(0.7, None), "not on record"),
+        (sure(0.45, "drawn machines", repair="withheld"), "less than even"),
     ],
 )
 def test_a_confidence_that_was_not_counted_says_so(said: str, why: str) -> None:
@@ -205,6 +205,17 @@ def test_counts_are_those_of_the_documentation(root: Path) -> None:
     assert [(f"{low:g} to {min(high, 1):g}", str(n), str(right)) for (low, high), n, right in COUNTED] == [
         tuple(row[:3]) for row in table
     ]
+
+
+def test_a_term_is_counted_of_which_two_large_effects_were_drawn(root: Path) -> None:
+    text = (root / "docs" / "diagnosis-calibration.md").read_text(encoding="utf-8")
+    rows = text.split("| term, size above 40 |")[1].split("\n\n")[0].splitlines()[2:]
+    table = [[cell.strip() for cell in row.strip("|").split("|")] for row in rows]
+    assert {name for name, drawn, *_ in table if int(drawn) >= 2} == COUNTED_TERMS
+
+
+def test_what_stands_behind_a_confidence_has_words_for_every_ground() -> None:
+    assert {*NOT_COUNTED, "drawn machines"} == set(get_args(Ground))
 
 
 def test_amplitudes_over_frequency_are_reported_without_runs_over_time() -> None:

@@ -86,7 +86,7 @@ def judge(drawn: Drawn, found: Diagnosis, background: float) -> Row:
         ],
         "findings": [
             {"term": f.term, "equivalent": f.equivalent, "evidence": f.gain, "confidence": f.confidence,
-             "true": bool(s & set(names))}
+             "true": bool(s & set(names)), "confidence_from": f.ground}
             for f, s in zip(found.findings, said, strict=True)
         ],
         "verdict": found.verdict,

@@ -132,3 +132,21 @@ def test_no_circle_of_imports() -> None:
         list(TopologicalSorter(IMPORTS).static_order())
     except CycleError as error:
         pytest.fail(f"files import one another: {' <- '.join(error.args[1])}")
+
+
+def thresholds() -> dict[str, str]:
+    """Name -> what stands behind its number, from the `=` on."""
+    text = (PACKAGE / "diagnosis" / "thresholds.py").read_text(encoding="utf-8")
+    assigned = [n for n in ast.parse(text).body if isinstance(n, ast.Assign)]
+    return {ast.unparse(n.targets[0]): "\n".join(text.splitlines()[n.lineno - 1 : n.end_lineno]) for n in assigned}
+
+
+def test_sixty_thresholds_decide_at_most_and_each_says_why() -> None:
+    found = thresholds()
+    assert len(found) <= 60
+    assert [n for n, line in found.items() if "#" not in line] == []
+
+
+def test_every_threshold_decides_something() -> None:
+    read = "".join(file.read_text(encoding="utf-8") for file in FILES)
+    assert [n for n in thresholds() if f"thresholds.{n}" not in read] == []

@@ -11,7 +11,7 @@ from __future__ import annotations
 LEFT_SIGMA = 3.0  # scatter of the excess, above which slow structure is left
 LEFT_SHARE = 0.03  # of the samples, by which chi-square may exceed them: a noise's variance is known to 2 %
 CLEARLY_LEFT = 10.0  # scatters of the excess, from which on something is looked for beyond the listed terms [naming]
-HARDLY_LEFT = 5.0  # scatters, below which a fit leaves nothing that another could take [naming]
+HARDLY_LEFT = 5.0  # scatters, below which nothing is left that a fit could take or a place could hold [naming]
 HARDLY_LEFT_SHARE = 0.005  # of what was above noise, the same [naming]
 UNDECIDED = 30.0  # scatters, above which "nothing is missing" is not said though nothing was named [count]
 
@@ -20,8 +20,7 @@ EVIDENCE = 500.0  # chi-square that a term must take; linear scores of 400 healt
 EVIDENCE_IN_TABLE = (
     30.0  # of some tens of rows: BIC of three numbers, 10, and 2 ln of some 1000 shapes tried, 14, and more
 )
-WORTH = 0.1  # of what the re-fit leaves above noise, that the first term must take [naming]
-LEAVES = 0.5  # of the excess before it, that a later term may leave: a patch on a form leaves more [naming]
+WORTH = 0.1  # of what is above noise, that a first term must take, and a level of a variable hold [naming]
 INEXACT = 3e-5  # of what was taken before, that a later term must take: no form is known to half a percent [naming]
 STILL_NEEDED = 0.02  # of what an earlier term took, that it must take beside a later one [naming]
 LATER = 60.0  # chi-square by which a late onset must beat being there from the start: 16 onsets, two sigma each [count]
@@ -35,7 +34,7 @@ MOST_NAMES = 4  # that one finding may carry: the scorers' rule, ../shared/score
 
 # -- which fits are tried (they decide what is looked at)
 PROMISING_SHAPE = 0.03  # of the best gain, that a term needs for other shapes to be tried: true ones had 0.39 [count]
-RIVAL = 0.3  # of the best predicted gain, that a candidate needs to be fitted: true ones had 0.39 [count]
+RIVAL = 0.3  # of the best predicted gain, for a load of all above noise, to be fitted: true ones had 0.39 [count]
 ABREAST = 0.9  # of it, from which on twice as many are: their order says little [naming]
 CLOSE = 0.98  # of a predicted gain that was kept, from which on another is tried all the same [naming]
 HOPELESS = 0.6  # of what another takes, that a candidate falls short of for its onset to be left rough [naming]
@@ -49,8 +48,8 @@ REMAINDER = 0.1  # of the excess before, left by one term, below which the list 
 TERMS_STAND = 0.15  # of it, up to which listed terms stand, though the form of one may be somewhat off [naming]
 TIMES_LESS = 3.0  # per feature, that a formula must leave in place of one listed term; a table than a formula [naming]
 NO_PROOF = 0.02  # of the excess before, below which leaving less proves nothing [naming]
-HOLDS = 0.5  # of the remainder, that a form must take to be an answer [naming]
-ALONE = 0.8  # of it, for a form that needs no listed term beside it [naming]
+HOLDS = 0.5  # of the remainder, that a form must take to be an answer, and a later term: a patch takes less [naming]
+ALONE = 0.8  # of it, for a form or a load that needs no listed term beside it: terms would patch it [naming]
 ENOUGH = 0.97  # of it, from which on no further forms or arguments are tried [naming]
 TABLE_FREEDOM = 4  # features that a smooth table counts for: its effective degrees of freedom [naming]
 NEAR_PORT = 0.5  # of the best port's gain, from which on a second one is looked at in full [naming]
@@ -65,21 +64,16 @@ HELD = (
 )
 APART = 0.3  # s without a difference, that part one load from the next: a hand takes as long to let go and grip again
 LOADS_TAKE = 0.98  # of it, that load pulses must take, which have five numbers each [naming]
-LIKELY_LOAD = 0.3  # of what is above noise, that a linear step must predict for a fit to be tried [naming]
-CLEAR_LOAD = 0.8  # of it, for a load to be looked for before any term: terms would patch it [naming]
 UNLOGGED = 1.1  # weight of an input of the system that nobody logged: it is there for something to enter [naming]
 
 # -- where: replayed parts, operating conditions, change points
-PART_OFF = 6.0  # scatters by which a part is off; twelve parts and channels: one in 10^8 by chance
 NOISE_KNOWN = 0.1  # share to which a part's healthy excess is known from three draws
 SHOWS = 0.1  # of a channel's noise, rms, within which a signal is what the channel shows: a hundredth of its variance
-SURELY = 5.0  # sigma above noise, from which on it is worth asking where
 SIGMA_KNOWN = 0.01  # share to which a noise's variance is known: 20,000 samples
 SAME_CONDITION = 0.97  # of the time that two variables are at the same level, from which on one of them is enough
-NOTABLE_SHARE = 0.1  # of what is above noise, from which on a level of a variable is worth naming
 NOTABLE_CHANGE = 0.25  # of the chi-square per sample: less is no change that anyone would see
 UNEVEN = 0.1  # nats of dependence (Kullback and Leibler 1951) from which on a variable is worth naming
-STANDS_OUT = 6.0  # sigma above noise, and times above its neighbours, from which on an order is named
+STANDS_OUT = 6.0  # sigma, from which on a part is off or an order is named: of twelve by chance one in 10^8
 CHANGE = 10.0  # times ln(windows): penalty of a change point, above the 2 ln n of BIC (Yao 1988): windows are dependent
 
 # -- whether a repair is offered

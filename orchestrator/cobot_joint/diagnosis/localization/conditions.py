@@ -97,7 +97,7 @@ def densest(levels: Sequence[Condition]) -> Condition | None:
     """The level in which most is above noise for its time; None: it lies too evenly to name one."""
     if dependence(levels) < thresholds.UNEVEN:
         return None
-    return max((r for r in levels if r.share > thresholds.NOTABLE_SHARE), key=lambda r: r.share / r.time, default=None)
+    return max((r for r in levels if r.share > thresholds.WORTH), key=lambda r: r.share / r.time, default=None)
 
 
 Levels = list[tuple[Any, ...]]  # name, and bounds where there are some

@@ -80,7 +80,7 @@ def locate_difference(problem: Problem, calibrated: Fit) -> Localization:
     simulated = problem.outputs(calibrated.run, list(dict.fromkeys([*wires, *names, *angles])))
     found = _components(problem, calibrated, systems, simulated)
     above = above_noise(problem, calibrated.residual)
-    if above.sum() < thresholds.SURELY * np.sqrt(2 * problem.samples) + thresholds.SIGMA_KNOWN * problem.samples:
+    if above.sum() < thresholds.HARDLY_LEFT * np.sqrt(2 * problem.samples) + thresholds.SIGMA_KNOWN * problem.samples:
         return found
     levels = conditions(problem, above, labelled(problem, simulated, names))
     return replace(

@@ -75,7 +75,7 @@ class Replayed:
     def off(self) -> tuple[str, ...]:
         """Channels that are off by more than noise."""
         return tuple(
-            c for c in self.refitted if self.refitted[c] - self.healthy[c] > thresholds.PART_OFF * self.scatter[c]
+            c for c in self.refitted if self.refitted[c] - self.healthy[c] > thresholds.STANDS_OUT * self.scatter[c]
         )
 
 

@@ -69,7 +69,7 @@ def look_for_unlogged_load(
     if not spans or not problem.unexplained(calibrated.residual):
         return None
     proposed = [p for port in _unlogged(problem) if (p := pulses(problem, calibrated, port, spans))]
-    for proposal in (p for p in proposed if p.gain > thresholds.CLEAR_LOAD * above):
+    for proposal in (p for p in proposed if p.gain > thresholds.ALONE * above):
         fit = fitted(problem, calibrated, proposal.effects)
         if fit is None:
             continue
@@ -140,7 +140,7 @@ def _best(problem: Problem, start: Fit, spans: Spans, say: Say) -> tuple[Fit, Po
     above = start.chi2 - problem.samples
     best: tuple[Fit, Port] | None = None
     for proposal in sorted(proposed, key=weight, reverse=True)[:FITTED]:
-        if weight(proposal) < thresholds.LIKELY_LOAD * above or (best and not problem.unexplained(best[0].residual)):
+        if weight(proposal) < thresholds.RIVAL * above or (best and not problem.unexplained(best[0].residual)):
             break
         fit = fitted(problem, start, proposal.effects)
         if fit is not None:

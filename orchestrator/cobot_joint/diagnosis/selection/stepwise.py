@@ -125,7 +125,7 @@ class Selector:
             self.progress(f"{term} takes {share(gain, above)} of what is above noise: too little for a name")
             return False
         left = self.problem.excess(winner.residual), self.problem.excess(best.residual)
-        if so_far.selected and left[0] > thresholds.LEAVES * left[1]:
+        if so_far.selected and left[0] > (1 - thresholds.HOLDS) * left[1]:
             self.progress(f"{term} takes less than it leaves: a patch on a form that is somewhat off")
             return False
         return True

@@ -77,7 +77,6 @@ Examples:
 """
 
 app = typer.Typer(
-    add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -120,7 +119,14 @@ def _list(wanted: bool) -> None:
         raise typer.Exit
 
 
-Scenario = Annotated[str, typer.Argument(help="A scenario or system, by name or as a file.")]
+def _scenarios(begun: str) -> list[str]:
+    """For the shell, whose Tab completes what was begun."""
+    from cobot_joint.scenario.model import scenario_names
+
+    return [name for name in scenario_names() if name.startswith(begun)]
+
+
+Scenario = Annotated[str, typer.Argument(help="A scenario or system, by name or as a file.", autocompletion=_scenarios)]
 Out = Annotated[Path | None, typer.Option(help="Folder for the results.", show_default="results/SCENARIO")]
 List = Annotated[bool, typer.Option("--list", callback=_list, is_eager=True, help="Show the scenarios.")]
 

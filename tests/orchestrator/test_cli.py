@@ -186,6 +186,16 @@ def test_help_of_run_names_every_scheme_and_every_level(tmp_path: Path) -> None:
     assert all(level in said for level in LEVELS)
 
 
+@pytest.mark.parametrize(("begun", "offered"), [(["dia"], "diagnose"), (["run", "load_mr"], "load_mr_brake")])
+def test_the_shell_completes_commands_and_scenarios(
+    begun: list[str], offered: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("_COBOT_JOINT_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", " ".join(["cobot-joint", *begun]))
+    monkeypatch.setenv("COMP_CWORD", str(len(begun)))
+    assert cobot_joint(folder=tmp_path).stdout.split() == [offered]
+
+
 def test_version_is_the_packages(tmp_path: Path) -> None:
     assert cobot_joint("--version", folder=tmp_path).stdout == f"cobot-joint {__version__}\n"
 

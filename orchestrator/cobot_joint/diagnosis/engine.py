@@ -124,14 +124,16 @@ def identify(campaign: Campaign, plant: Plant) -> Diagnosis:
 
 
 def noises(campaign: Campaign) -> dict[str, Noise]:
-    """Per compared channel, as the recordings show it; never below what the logger's data sheet says."""
+    """Per compared channel, as the campaign says; else as the recordings show it, and never below what the system's
+    logger is specified for."""
     found = {}
     for name, quality in condition(replace(campaign, recordings=campaign.train)).items():
         logged = campaign.logged.get(name)
         floor = float(np.hypot(logged.noise, (logged.step or 0.0) / np.sqrt(12))) if logged and logged.noise else 0.0
         colour = logged.colour if logged and logged.colour is not None else max(quality.colour, 0.0)
         sigma = quality.noise if np.isfinite(quality.noise) and quality.noise > 0 else floor or 1.0
-        found[name] = Noise(sigma if not floor or sigma > 0.9 * floor else floor, colour, quality.step)
+        believed = bool(floor) and (name in campaign.told or sigma < 0.9 * floor)
+        found[name] = Noise(floor if believed else sigma, colour, quality.step)
     return found
 
 

@@ -6,17 +6,21 @@ from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis.anchored.search import Progress, Search, Searcher
 from cobot_joint.diagnosis.anchored.tracks import Tracker
 from cobot_joint.diagnosis.data.campaign import Campaign
+from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
-from cobot_joint.diagnosis.plant.plant import Plant
+from cobot_joint.diagnosis.plant.plant import SPEEDS, Plant
 from cobot_joint.diagnosis.state_estimation.noise import noise_of
 from cobot_joint.diagnosis.state_estimation.states import states_of
 
+MOTIONS = {*SPEEDS, "rad", "m"}
+
 
 def follow(campaign: Campaign, plant: Plant, say: Progress) -> Search | None:
-    """None: a unit allows no state to be set, a recording is a table, or none of them can be followed."""
+    """None: a unit allows no state to be set, a recording is a table, or none of them can be followed; or the motion is
+    an input, so that a free run loses nothing."""
     if not isinstance(plant, FmuPlant) or any(states_of(system) is None for system in plant.systems.values()):
         return None
-    if any(recording.scatter for recording in campaign.train):
+    if any(recording.scatter or _motion_is_given(recording) for recording in campaign.train):
         return None
     bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
     bounds = {name: (low, high) for name, (low, high) in bounds.items() if low < high}
@@ -27,3 +31,8 @@ def follow(campaign: Campaign, plant: Plant, say: Progress) -> Search | None:
         except SimulationError as error:
             say(f"the recordings cannot be followed: {error}")
             return None
+
+
+def _motion_is_given(recording: Recording) -> bool:
+    """Whether an angle, a way, or a speed drives the system."""
+    return any(recording.units.get(name) in MOTIONS for name in recording.inputs)

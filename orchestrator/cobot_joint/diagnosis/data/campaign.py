@@ -49,6 +49,7 @@ class Campaign:
     terms: list[str] = field(default_factory=list)  # to look at; empty: all
     suspicions: list[Suspicion] = field(default_factory=list)  # of channels, once `plausible` has looked
     parameters: Values = field(default_factory=dict)  # nominal values of this machine, as given
+    told: frozenset[str] = frozenset()  # channels whose noise the campaign itself says, which is believed
 
     def systems(self) -> dict[str, System]:
         """Set-up -> its system with this machine's nominal values, and inputs of components where columns give them.
@@ -100,7 +101,7 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
     _each_once(path, given)
     campaign = Campaign(
         given.title, path, given.system, setups, channels, defaults.tolerances | given.tolerances, logged, [],
-        terms=given.terms, parameters=parameters,
+        terms=given.terms, parameters=parameters, told=frozenset(n for n, c in given.logged.items() if c.noise),
     )  # fmt: skip
     systems = campaign.systems()
     check(str(path), given, systems, {setup: system_connectors(file) for setup, file in setups.items()})

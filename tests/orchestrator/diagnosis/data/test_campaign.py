@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -108,6 +109,14 @@ def test_what_the_campaign_says_of_noise_replaces_the_estimate(tmp_path: Path, a
     logged = '[logged."axis.s"]\nunit = "m"\ncausality = "output"\nnoise = 0.5\ncolour = 0.25\n'
     noise = noises(load_campaign(write(tmp_path, AXIS + logged)))["axis.s"]
     assert (noise.sigma, noise.colour) == (0.5, 0.25)
+
+
+def test_noise_that_the_campaign_says_is_believed_below_what_the_recordings_show(root: Path, tmp_path: Path) -> None:
+    case = shutil.copytree(root / "proof/open/case01", tmp_path / "case01")
+    assert noises(load_campaign(case))["w_motor"].sigma > 0.3
+    with (case / "campaign.toml").open("a") as file:
+        file.write("[logged]\nw_motor = { noise = 0.1 }\n")
+    assert noises(load_campaign(case))["w_motor"].sigma == 0.1
 
 
 def test_what_the_joint_brings_fits_its_systems() -> None:

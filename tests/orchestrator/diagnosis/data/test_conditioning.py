@@ -34,6 +34,26 @@ def test_noise_and_its_colour_are_estimated_under_a_moving_signal(rho: float) ->
     assert q.colour == pytest.approx(rho, abs=0.06)
 
 
+def test_motion_quicker_than_a_window_is_no_coloured_noise() -> None:
+    swinging = 0.5 * np.sin(2 * np.pi * 7 * T + 3 * np.sin(2 * np.pi * 0.31 * T))  # 90 to 250 samples a period
+    q = assess(swinging + noise(0.0, 0.03))
+    assert q.noise == pytest.approx(0.03, rel=0.2)  # 0.54 and a colour of 0.98 in windows of 256 samples
+    assert abs(q.colour) < 0.3
+
+
+def test_where_no_window_is_without_motion_noise_is_what_has_no_pattern() -> None:
+    waves = 300 * np.sin(2 * np.pi * 12 * T + 2 * np.sin(2 * np.pi * 0.3 * T))
+    q = assess(waves + noise(0.0, 0.3))
+    assert q.noise == pytest.approx(0.3, rel=0.1)
+    assert abs(q.colour) < 0.1
+
+
+def test_standing_still_says_nothing_of_the_noise() -> None:
+    x = motion() + noise(0.0, 0.3)
+    x[:8000] = x[0]
+    assert assess(x).noise == pytest.approx(0.3, rel=0.06)
+
+
 def test_the_converter_step_is_read_off_the_values() -> None:
     for step, scale in ((0.3834951969714103, 1.0), (10 / 4096, 0.01)):
         x = np.round(scale * (motion() + noise(0.0, 0.3)) / step) * step

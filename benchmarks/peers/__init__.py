@@ -43,7 +43,7 @@ class Wiring:
 
 @dataclass(frozen=True)
 class Run:
-    """`seconds`: from first step to last (`measure.stopwatch`), outputs recorded, without loading and initialising;
+    """`seconds`: from first step to last (`measure.stopwatch`), outputs recorded, without loading and initialising, nan where that is not told apart;
     `columns`: (steps,) each, at the end of every step; empty where a master keeps them to itself."""
 
     seconds: float

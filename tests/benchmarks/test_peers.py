@@ -1,7 +1,7 @@
 """The units in other people's simulators: coupled in masters that hold inputs, and the exported system as it is.
 
 The peers are those of benchmarks/requirements.txt; COBOT_JOINT_PEERS names the interpreter of the environment that has
-them, COBOT_JOINT_MAESTRO Maestro's jar. Those that are missing are skipped.
+them, COBOT_JOINT_JARS the folder of those in Java. Those that are missing are skipped.
 """
 
 from __future__ import annotations

@@ -43,8 +43,9 @@ class Wiring:
 
 @dataclass(frozen=True)
 class Run:
-    """`seconds`: from first step to last (`measure.stopwatch`), outputs recorded, without loading and initialising;
-    `columns`: (steps,) each, at the end of every step; empty where a master keeps them to itself."""
+    """`seconds`: from first step to last (`measure.stopwatch`), outputs recorded, without loading and initialising; nan
+    where that is not told apart. `columns`: (steps,) each, at the end of every step; empty where a master keeps them to
+    itself."""
 
     seconds: float
     columns: dict[str, NDArray[np.float64]] = field(default_factory=dict)

@@ -28,7 +28,7 @@ static inline double acs712(const Unit *m, double i) {
 static void signals(const Unit *m, double t, double x[7]) {
   const double past = m->time - m->before[0], s = past > 0 ? (t - m->before[0]) / past : 1;
   for (int j = 0; j < 7; j++) {
-    const double now = m->real[VR_i_motor + j], begin = at_begin_of_step(m, VR_i_motor + j);
+    const double now = reals(m)[VR_i_motor + j], begin = at_begin_of_step(m, VR_i_motor + j);
     x[j] = s == 1 ? now : begin + s * (now - begin);
   }
   if (m->speed_delay_T > 0) x[1] = remembered(m, SPEED, m->w_motor, t - m->speed_delay_T);

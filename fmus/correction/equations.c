@@ -45,16 +45,16 @@ static void unit_equations(Unit *m) {
   double u[SIGNALS] = {m->u1, m->u2, m->u3, m->u4};
   if (m->clock_u > 1) u[m->clock_u - 2] = m->time; /* choices count from 1, the first is none */
   if (m->table_n > 0) {
-    const double *x = m->real + VR_table_x11, *y = m->real + VR_table_y11;
+    const double *x = reals(m) + VR_table_x11, *y = reals(m) + VR_table_y11;
     const double period = m->table_period;
     const double at = period > 0 ? u[0] - period * floor((u[0] - x[0]) / period) : u[0];
     m->y += interpolate(x, y, m->table_n, at) * function(m->table_f2, u[1], m->table_p2);
   }
 
   for (int k = 0; k < FEATURES; k++) {
-    const double *A = m->real + VR_feature1_A + k * (1 + SIGNALS),
+    const double *A = reals(m) + VR_feature1_A + k * (1 + SIGNALS),
                  *p = A + 1; /* A, p1 to p4 per feature, in the table's order */
-    const int *f = m->integer + VR_feature1_f1 + k * SIGNALS;
+    const int *f = integers(m) + VR_feature1_f1 + k * SIGNALS;
     if (*A == 0) continue;
     double product = *A;
     for (int j = 0; j < SIGNALS; j++) product *= function(f[j], u[j], p[j]);

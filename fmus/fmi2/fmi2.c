@@ -15,10 +15,10 @@ static const double LOOSEST = 1e-4;
 
 static void set_starts(Unit *m) {
   memset(m, 0, sizeof *m);
-  for (int i = 0; i < N_PUBLIC; i++) m->real[i] = REAL_INFO[i].start;
-  for (int i = 1; i < N_INTEGER; i++) m->integer[i] = INTEGER_INFO[i].start;
-  for (int i = 1; i < N_BOOLEAN; i++) m->boolean[i] = BOOLEAN_INFO[i].start;
-  for (int j = 0; j < N_INPUT; j++) m->u[j].c[0] = m->real[FIRST_INPUT + j];
+  for (int i = 0; i < N_PUBLIC; i++) reals(m)[i] = REAL_INFO[i].start;
+  for (int i = 1; i < N_INTEGER; i++) integers(m)[i] = INTEGER_INFO[i].start;
+  for (int i = 1; i < N_BOOLEAN; i++) booleans(m)[i] = BOOLEAN_INFO[i].start;
+  for (int j = 0; j < N_INPUT; j++) m->u[j].c[0] = reals(m)[FIRST_INPUT + j];
   m->tolerance = 1e-6;
   m->step = 1e-4;
   m->stale = m->restart = 1;
@@ -127,7 +127,7 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component component) {
     FAIL(c, "fmi2ExitInitializationMode: events follow each other without end");
   }
   for (int i = 0; i < N_PUBLIC; i++)
-    if (!isfinite(c->unit.real[i])) {
+    if (!isfinite(reals(&c->unit)[i])) {
       char name[NAME_SIZE];
       c->phase = FAILED;
       FAIL(c, "fmi2ExitInitializationMode: %s is not finite; check the parameters",

@@ -12,7 +12,7 @@ static inline bool is_held(const Unit *m, int j) { return m->u[j].fresh && m->u[
 static inline void continue_angle(Unit *m, int phi, int w) {
   const int j = phi - FIRST_INPUT, k = w - FIRST_INPUT;
   if (j < 0 || j >= N_INPUT || k < 0 || k >= N_INPUT || !is_held(m, j) || m->u[k].given) return;
-  m->u[j].c[1] = m->real[w];
+  m->u[j].c[1] = reals(m)[w];
   m->u[j].order = 1;
 }
 
@@ -23,12 +23,12 @@ static inline void continue_angle(Unit *m, int phi, int w) {
 static inline void continue_torque(Unit *m, int n, double J, double c, double late, double answer, double h) {
   const int j = HELD[n].tau - FIRST_INPUT;
   Anchor *q = &m->anchor[n];
-  const double phi = m->real[HELD[n].phi], w = m->real[HELD[n].w], x = c * h * h / J, C = answer * c;
+  const double phi = reals(m)[HELD[n].phi], w = reals(m)[HELD[n].w], x = c * h * h / J, C = answer * c;
   if (!is_held(m, j) || !(c > 0) || x > 4) { /* beyond omega h = 2 a held spring is not stable, whatever is done */
     q->h = 0;
     return;
   }
-  double tau = m->real[HELD[n].tau], trend = 0;
+  double tau = reals(m)[HELD[n].tau], trend = 0;
   if (q->h > 0) {
     tau += HELD[n].sign * late * c * (phi - q->phi - q->w * q->h);
     trend = (tau - q->tau) / q->h / (1 + 8 * x);

@@ -26,7 +26,7 @@ static inline void inputs_at(Unit *m, double t) {
   for (int j = 0; j < N_INPUT; j++) {
     if (m->u[j].order == 0) continue;
     const double s = t - m->u[j].t0, *c = m->u[j].c;
-    m->real[FIRST_INPUT + j] = c[0] + s * (c[1] + s / 2 * (c[2] + s / 3 * c[3]));
+    reals(m)[FIRST_INPUT + j] = c[0] + s * (c[1] + s / 2 * (c[2] + s / 3 * c[3]));
   }
 }
 
@@ -46,8 +46,8 @@ static inline void answers_at(Unit *m, double t) {
   for (int n = 0; n < N_HELD; n++) {
     if (!m->u[HELD[n].tau - FIRST_INPUT].answers) continue;
     const Anchor *q = &m->anchor[n];
-    const double e = m->real[HELD[n].phi] - q->phi - q->w * (t - q->t0), de = m->real[HELD[n].w] - q->w;
-    m->real[HELD[n].tau] += HELD[n].sign * (q->C * e + q->D * de);
+    const double e = reals(m)[HELD[n].phi] - q->phi - q->w * (t - q->t0), de = reals(m)[HELD[n].w] - q->w;
+    reals(m)[HELD[n].tau] += HELD[n].sign * (q->C * e + q->D * de);
   }
 }
 
@@ -95,8 +95,8 @@ static const double OVER_NOMINAL[N_STATE + 1] = {
 
 /* one step of length h from (t, x0) with k1 known; leaves the end point evaluated in m and returns the error norm */
 static inline double rk_step(Unit *m, double t, double h, const double x0[], const double k1[]) {
-  double k2[N_X1], k3[N_X1], *x = m->real;
-  const double *der = m->real + FIRST_DER;
+  double k2[N_X1], k3[N_X1], *x = reals(m);
+  const double *der = reals(m) + FIRST_DER;
   for (int i = 0; i < N_X; i++) x[i] = x0[i] + h / 2 * k1[i];
   evaluate(m, t + h / 2);
   for (int i = 0; i < N_X; i++) x[i] = x0[i] + h * 3 / 4 * (k2[i] = der[i]);
@@ -118,11 +118,11 @@ static inline double rk_step(Unit *m, double t, double h, const double x0[], con
 /* the largest indicator at the share s of the step just taken, on the cubic Hermite interpolant; positive: an event is due */
 static double indicator_at(Unit *probe, double s, double t, double h, const double x0[], const double k1[],
                            const Unit *end) {
-  const double *x1 = end->real, *k4 = end->real + FIRST_DER;
+  const double *x1 = reals(end), *k4 = reals(end) + FIRST_DER;
   double z[N_EVENT1], largest = -DBL_MAX;
   for (int i = 0; i < N_X; i++) {
     const double d = x1[i] - x0[i];
-    probe->real[i] = x0[i] + s * d + s * (s - 1) * ((1 - 2 * s) * d + (s - 1) * h * k1[i] + s * h * k4[i]);
+    reals(probe)[i] = x0[i] + s * d + s * (s - 1) * ((1 - 2 * s) * d + (s - 1) * h * k1[i] + s * h * k4[i]);
   }
   evaluate(probe, t + s * h);
   unit_indicators(probe, z);
@@ -182,7 +182,7 @@ static const char *integrate(Unit *m, double t_end) {
     return NULL;
   }
   double t = m->time, x0[N_X1], k1[N_X1];
-  const double *der = m->real + FIRST_DER, shortest = 1e-13 * fmax(1, fabs(t_end));
+  const double *der = reals(m) + FIRST_DER, shortest = 1e-13 * fmax(1, fabs(t_end));
   for (int n = 0; n < MAX_STEPS; n++) {
     const double left = t_end - t;
     if (left <= shortest) {
@@ -192,7 +192,7 @@ static const char *integrate(Unit *m, double t_end) {
     /* the last step ends on t_end; the one before it is halved with it rather than leaving a crumb */
     double h = m->step >= left ? left : m->step > left / 2 ? left / 2 : m->step;
     bool last = h >= left;
-    memcpy(x0, m->real, sizeof(double) * N_X);
+    memcpy(x0, reals(m), sizeof(double) * N_X);
     memcpy(k1, der, sizeof(double) * N_X);
     double error = rk_step(m, t, h, x0, k1);
 #if defined UNIT_EVENTS
@@ -204,7 +204,7 @@ static const char *integrate(Unit *m, double t_end) {
         double more = 0;
         do {
           h = fmin(whole * s + more, whole);
-          memcpy(m->real, x0, sizeof(double) * N_X);
+          memcpy(reals(m), x0, sizeof(double) * N_X);
           error = rk_step(m, t, h, x0, k1);
           more = fmax(2 * more, 1e-13);
         } while (h < whole && !event_pending(m, z));
@@ -213,7 +213,7 @@ static const char *integrate(Unit *m, double t_end) {
     }
 #endif
     if (!(error <= 1)) { /* too large, or not a number: back, and smaller */
-      memcpy(m->real, x0, sizeof(double) * N_X);
+      memcpy(reals(m), x0, sizeof(double) * N_X);
       m->step = h * (error < 1e9 ? fmax(0.2, 0.9 / cbrt(error)) : 0.1);
       if (m->step < shortest) {
         evaluate(m, t);

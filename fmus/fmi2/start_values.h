@@ -70,7 +70,7 @@ static inline bool set_start(Unit *m, const char *name, double value) {
     if (!(value >= lowest(i) && value <= highest(i)) || r->kind == IS_OUTPUT || r->kind == IS_INTEGRAL ||
         r->kind == IS_LOCAL)
       return false;
-    m->real[i] = value;
+    reals(m)[i] = value;
     if (r->kind == IS_INPUT) m->u[i - FIRST_INPUT].c[0] = value;
     return true;
   }
@@ -79,7 +79,7 @@ static inline bool set_start(Unit *m, const char *name, double value) {
     const int max = r->options ? option_count(r->options) : r->max;
     if (strcmp(full_name(known, r->term, r->name), name) != 0) continue;
     if (r->kind != IS_PARAMETER || !(value >= r->min && value <= max)) return false;
-    m->integer[i] = (int)value;
+    integers(m)[i] = (int)value;
     return true;
   }
   return false;
@@ -106,7 +106,7 @@ static inline bool apply_late(const LateValues *late, Unit *m) {
   bool changed = false;
   for (int k = 0; k < late->n; k++) {
     if (m->changed >> k & 1 || m->time < late->of[k].from - 1e-9) continue;
-    m->real[late->of[k].reference] = late->of[k].value;
+    reals(m)[late->of[k].reference] = late->of[k].value;
     m->changed |= 1u << k;
     changed = true;
   }

@@ -27,7 +27,7 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueR
   Unit *m = &c->unit;
   for (size_t i = 0; i < n; i++) {
     const int j = (int)vr[i] - FIRST_INPUT;
-    if (!m->u[j].fresh) begin_input(m, j, m->real[vr[i]]); /* a step's first derivative sets the others to zero */
+    if (!m->u[j].fresh) begin_input(m, j, reals(m)[vr[i]]); /* a step's first derivative sets the others to zero */
     m->u[j].given = 1;
     m->u[j].c[order[i]] = value[i];
     if (value[i] != 0 && m->u[j].order < order[i]) m->u[j].order = order[i];
@@ -52,22 +52,22 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2Value
     all_states &= (int)vr[i] < N_X;
   }
   if (all_states) {
-    for (size_t i = 0; i < n; i++) value[i] = m->real[FIRST_DER + vr[i]];
+    for (size_t i = 0; i < n; i++) value[i] = reals(m)[FIRST_DER + vr[i]];
     return fmi2OK;
   }
   const double dt = 1e-7; /* s; what is fast here changes within 1e-4 s and more */
   Unit near = *m;
-  for (int i = 0; i < N_X; i++) near.real[i] = m->real[i] + dt * m->real[FIRST_DER + i];
+  for (int i = 0; i < N_X; i++) reals(&near)[i] = reals(m)[i] + dt * reals(m)[FIRST_DER + i];
   evaluate_outputs(&near, m->time + dt);
   for (size_t i = 0; i < n; i++)
-    value[i] = (int)vr[i] < N_X ? m->real[FIRST_DER + vr[i]] : (near.real[vr[i]] - m->real[vr[i]]) / dt;
+    value[i] = (int)vr[i] < N_X ? reals(m)[FIRST_DER + vr[i]] : (reals(&near)[vr[i]] - reals(m)[vr[i]]) / dt;
   return fmi2OK;
 }
 
 /* states, integrals, inputs and outputs are numbers */
 static bool all_finite(const Unit *m) {
   bool lost = false;
-  for (int i = 0; i < N_X + N_INPUT + N_OUTPUT; i++) lost |= !(fabs(m->real[i]) <= DBL_MAX);
+  for (int i = 0; i < N_X + N_INPUT + N_OUTPUT; i++) lost |= !(fabs(reals(m)[i]) <= DBL_MAX);
   return !lost;
 }
 
@@ -97,7 +97,7 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
   continue_held(m, h);
   for (int j = 0; j < N_INPUT; j++) { /* an input that nobody set stays where it got to */
     if (!m->u[j].fresh) {
-      m->u[j].c[0] = m->real[FIRST_INPUT + j];
+      m->u[j].c[0] = reals(m)[FIRST_INPUT + j];
       m->u[j].t0 = m->time;
       m->u[j].order = m->u[j].given = m->u[j].answers = 0;
     }
@@ -156,8 +156,8 @@ static bool is_known(const Instance *c, fmi2ValueReference vr) {
 
 /* what counts as much of a variable: of a parameter its value, which may be 1e-6 or 1e6 */
 static double size_of(const Unit *m, fmi2ValueReference vr) {
-  const bool parameter = REAL_INFO[vr].kind == IS_PARAMETER && m->real[vr] != 0;
-  return parameter ? fabs(m->real[vr]) : REAL_INFO[vr].nominal;
+  const bool parameter = REAL_INFO[vr].kind == IS_PARAMETER && reals(m)[vr] != 0;
+  return parameter ? fabs(reals(m)[vr]) : REAL_INFO[vr].nominal;
 }
 
 /* d unknown / d known . dv by a central difference, events held (FMI 2.0.4, 2.1.9 and 2.2.8: with Derivatives listed, states are
@@ -188,12 +188,12 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2Value
   Unit near = c->unit;
   for (int j = 0; j < N_INPUT; j++) near.u[j].order = 0;
   for (int side = -1; side <= 1; side += 2) {
-    for (size_t j = 0; j < n_known; j++) near.real[known[j]] = c->unit.real[known[j]];
-    for (size_t j = 0; j < n_known; j++) near.real[known[j]] += side * eps * dv[j];
+    for (size_t j = 0; j < n_known; j++) reals(&near)[known[j]] = reals(&c->unit)[known[j]];
+    for (size_t j = 0; j < n_known; j++) reals(&near)[known[j]] += side * eps * dv[j];
     if (parameters) unit_start(&near);
     unit_equations(&near);
     for (size_t i = 0; i < n_unknown; i++)
-      dz[i] = eps == 0 ? 0 : side < 0 ? near.real[unknown[i]] : (near.real[unknown[i]] - dz[i]) / (2 * eps);
+      dz[i] = eps == 0 ? 0 : side < 0 ? reals(&near)[unknown[i]] : (reals(&near)[unknown[i]] - dz[i]) / (2 * eps);
   }
   return fmi2OK;
 }

@@ -94,10 +94,9 @@ typedef struct {
 } Anchor;
 
 /* ---- the unit -------------------------------------------------------------------------------------------------- */
+/* Variables of a type lie one behind the other, in the order of their value references: reals(), integers(), booleans().
+ * A union of names and arrays would say so, but has no place in C99, where all its members need names. */
 typedef struct Unit {
-  union {
-    double real[N_REAL];
-    struct {
 #define STATE(name, ...) double name;
 #include "fmi2/rows.h"
 #define INTEGRAL(name, ...) double name;
@@ -115,27 +114,15 @@ typedef struct Unit {
 #include "fmi2/rows.h"
 #define INTEGRAL(name, ...) double der_##name;
 #include "fmi2/rows.h"
-    };
-  };
-  union {
-    int integer[N_INTEGER];
-    struct {
-      int no_integer;
+  int no_integer;
 #define CHOICE(term, name, ...) int term##_##name;
 #define COUNT(term, name, ...) int term##_##name;
 #define CODE(name, ...) int name;
 #include "fmi2/rows.h"
-    };
-  };
-  union {
-    int boolean[N_BOOLEAN];
-    struct {
-      int no_boolean;
+  int no_boolean;
 #define SWITCH(name, ...) int name;
 #define SIGNAL(name, ...) int name;
 #include "fmi2/rows.h"
-    };
-  };
   double time, start_time; /* s */
   /* inputs over a step: value and derivatives at t0, per input */
   struct {
@@ -152,6 +139,15 @@ typedef struct Unit {
 #define MEMORY(type, name, count) type name[count];
 #include "fmi2/rows.h"
 } Unit;
+
+static inline double *reals(const Unit *m) { return (double *)m; }
+static inline int *integers(const Unit *m) { return (int *)((char *)m + offsetof(Unit, no_integer)); }
+static inline int *booleans(const Unit *m) { return (int *)((char *)m + offsetof(Unit, no_boolean)); }
+
+/* neither type has gaps */
+typedef char reals_are_dense[offsetof(Unit, no_integer) == N_REAL * sizeof(double) ? 1 : -1];
+typedef char
+    integers_are_dense[offsetof(Unit, no_boolean) - offsetof(Unit, no_integer) == N_INTEGER * sizeof(int) ? 1 : -1];
 
 /* ---- what equations.c gives ------------------------------------------------------------------------------------ */
 /* after the parameters changed: whatever follows from them alone */

@@ -9,7 +9,7 @@ fmi2Status fmi2GetReal(fmi2Component component, const fmi2ValueReference vr[], s
   CHECK_LIST(0, FIRST_DER + N_STATE, "real");
   if ((c->phase & (INITIALIZATION | STEPPING)) && !settle(c))
     FAIL(c, "fmi2GetReal: events follow each other without end");
-  for (size_t i = 0; i < n; i++) value[i] = c->unit.real[vr[i]];
+  for (size_t i = 0; i < n; i++) value[i] = reals(&c->unit)[vr[i]];
   return fmi2OK;
 }
 
@@ -17,7 +17,7 @@ fmi2Status fmi2GetInteger(fmi2Component component, const fmi2ValueReference vr[]
   NEEDS(READABLE);
   CHECK_LIST(1, N_INTEGER, "integer");
   if (c->phase & (INITIALIZATION | STEPPING)) refresh(&c->unit);
-  for (size_t i = 0; i < n; i++) value[i] = c->unit.integer[vr[i]];
+  for (size_t i = 0; i < n; i++) value[i] = integers(&c->unit)[vr[i]];
   return fmi2OK;
 }
 
@@ -25,7 +25,7 @@ fmi2Status fmi2GetBoolean(fmi2Component component, const fmi2ValueReference vr[]
   NEEDS(READABLE);
   CHECK_LIST(1, N_BOOLEAN, "Boolean");
   if (c->phase & (INITIALIZATION | STEPPING)) refresh(&c->unit);
-  for (size_t i = 0; i < n; i++) value[i] = c->unit.boolean[vr[i]];
+  for (size_t i = 0; i < n; i++) value[i] = booleans(&c->unit)[vr[i]];
   return fmi2OK;
 }
 
@@ -61,8 +61,8 @@ fmi2Status fmi2SetReal(fmi2Component component, const fmi2ValueReference vr[], s
   }
   Unit *m = &c->unit;
   for (size_t i = 0; i < n; i++) {
-    if (m->real[vr[i]] != value[i]) {
-      m->real[vr[i]] = value[i];
+    if (reals(m)[vr[i]] != value[i]) {
+      reals(m)[vr[i]] = value[i];
       m->stale = 1;
       if (!is_input(vr[i])) m->restart = 1;
     }
@@ -95,13 +95,13 @@ static fmi2Status set_discrete(Instance *c, const char *call, int target[], cons
 fmi2Status fmi2SetInteger(fmi2Component component, const fmi2ValueReference vr[], size_t n, const fmi2Integer value[]) {
   NEEDS(INSTANTIATED | INITIALIZATION | STEPPING);
   CHECK_LIST(1, N_INTEGER, "integer");
-  return set_discrete(c, "fmi2SetInteger", c->unit.integer, INTEGER_INFO, vr, n, value);
+  return set_discrete(c, "fmi2SetInteger", integers(&c->unit), INTEGER_INFO, vr, n, value);
 }
 
 fmi2Status fmi2SetBoolean(fmi2Component component, const fmi2ValueReference vr[], size_t n, const fmi2Boolean value[]) {
   NEEDS(INSTANTIATED | INITIALIZATION | STEPPING);
   CHECK_LIST(1, N_BOOLEAN, "Boolean");
-  return set_discrete(c, "fmi2SetBoolean", c->unit.boolean, BOOLEAN_INFO, vr, n, value);
+  return set_discrete(c, "fmi2SetBoolean", booleans(&c->unit), BOOLEAN_INFO, vr, n, value);
 }
 
 #endif

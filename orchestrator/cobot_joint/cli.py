@@ -244,11 +244,15 @@ def export(
     flat_names: Annotated[
         bool, typer.Option("--flat-names", help="friction_tau_C for friction.tau_C: some importers take no dots.")
     ] = False,
+    reference: Annotated[
+        bool, typer.Option("--reference", help="NAME_in.csv, NAME_ref.csv, NAME_ref.opt per unit: FMI's cross-check.")
+    ] = False,
     importer: Annotated[
         Importer, typer.Option("--for", help="ecos and libcosim take no wires at the system's own connectors.")
     ] = Importer.ANY,
 ) -> None:
     """The units as FMUs, and the system as one .ssp, for other simulators."""
+    from cobot_joint.cosim.foreign.cross_check import write_cross_check
     from cobot_joint.system import fmu_names, load_system, without_own_wires, write_fmu, write_fmus, write_ssp
     from cobot_joint.system.flat_names import flatten
     from cobot_joint.system.osp import write_osp
@@ -259,6 +263,8 @@ def export(
     exported = write_fmus(load_system(system), results_folder(out), wanted)
     files = [out / name for name in dict.fromkeys(fmu_names(exported).values())]
     files += [write_fmu(load_unit(find_fmu(f"{name}.fmu")), out / f"{name}.fmu", wanted) for name in unit or []]
+    if reference:
+        files += [file for fmu in tuple(files) for file in write_cross_check(load_unit(fmu), out)]
     if importer is Importer.LIBCOSIM:
         files.append(write_osp(exported, out / "OspSystemStructure.xml"))
     if importer is not Importer.ANY:

@@ -18,7 +18,7 @@ from fmpy.build import build_platform_binary
 from cobot_joint.units import Unit
 
 HEADERS = Path(fmpy.__file__).parent / "c-code"
-FLAGS = ["-std=c11", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fno-math-errno", "-fno-trapping-math"]
+FLAGS = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fno-math-errno", "-fno-trapping-math"]
 
 UNITS = sorted(table.parent.name for table in (Path(__file__).parents[2] / "fmus").glob("*/model.def"))
 

@@ -166,6 +166,14 @@ def test_export_for_an_importer_leaves_out_what_it_does_not_open(importer: str, 
     assert not load_system(tmp_path / "export" / "joint.ssp").inputs
 
 
+def test_export_writes_reference_files_for_every_unit(tmp_path: Path) -> None:
+    cobot_joint("export", "--reference", "--unit", "driven_load", folder=tmp_path)
+    units = [fmu.stem for fmu in (tmp_path / "export").glob("*.fmu")]
+    assert len(units) == 5
+    expected = {f"{unit}_{kind}" for unit in units for kind in ("in.csv", "ref.csv", "ref.opt")}
+    assert {f.name for f in (tmp_path / "export").iterdir() if f.suffix in (".csv", ".opt")} == expected
+
+
 def test_exported_unit_runs_in_fmpy(tmp_path: Path) -> None:
     cobot_joint("export", folder=tmp_path)
     result = fmpy.simulate_fmu(

@@ -18,7 +18,7 @@ from cobot_joint.errors import UserError
 
 # as the build compiles them; baseline: any machine of that kind; contraction off: the same roundings on all
 MATH = ["-fno-math-errno", "-fno-trapping-math", "-ffp-contract=off"]
-FLAGS = ["-std=c11", "-O3", *MATH, "-fvisibility=hidden", "-shared", "-fPIC"]
+FLAGS = ["-std=c99", "-O3", *MATH, "-fvisibility=hidden", "-shared", "-fPIC"]
 ZIG = ["-g0", "-s", "-mcpu=baseline", "-fno-sanitize=undefined"]
 FAT_MAGIC, PAGE = 0xCAFEBABE, 14  # mach-o/fat.h; both kinds of Mac load at multiples of 2^14
 

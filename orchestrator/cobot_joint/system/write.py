@@ -24,6 +24,7 @@ from cobot_joint.system.flat_names import flat
 from cobot_joint.system.geometry import connector_point, element_box, system_box
 from cobot_joint.system.model import Component, Connection, Connector, System, Value
 from cobot_joint.system.read import NS
+from cobot_joint.system.start_values import carries_values, set_start_values
 from cobot_joint.system.wiring import EXPONENTS, Wiring, check, conversion, port_type
 from cobot_joint.units import Unit, load_unit
 
@@ -63,11 +64,13 @@ def write_ssp(system: System, path: Path) -> Path:
 def write_fmus(system: System, folder: Path, changes: Sequence[Callable[[Path], None]] = ()) -> System:
     """The system's FMUs in a folder, and the system with these. `changes`: what is done to each, unpacked.
 
-    UserError: an FMU is not what a change needs.
+    Parameters are start values of their FMUs too, where these can carry them: FMPy and fmucontainer take none from an
+    SSP. UserError: an FMU is not what a change needs.
     """
     names = fmu_names(system)
-    for name, unit in {names[c.name]: c.unit for c in system.components}.items():
-        write_fmu(unit, folder / name, changes)
+    for name, c in {names[c.name]: c for c in system.components}.items():
+        own = [partial(set_start_values, unit=c.unit, values=c.parameters)]
+        write_fmu(c.unit, folder / name, [*own, *changes] if c.parameters and carries_values(c.unit) else changes)
     components = []
     for c in system.components:
         unit = load_unit(folder / names[c.name])
@@ -95,8 +98,11 @@ def _write_changed(unit: Unit, changes: Sequence[Callable[[Path], None]], file: 
 
 
 def fmu_names(system: System) -> dict[str, str]:
-    """Component -> its FMU's file name in one folder: its own, and the component's too where another has taken that."""
-    wanted = [(c.unit.directory, c.unit.path.stem, c.name) for c in system.components]
+    """Component -> its FMU's file name in one folder: its own, and the component's too where another has taken that.
+
+    Other parameters make another FMU.
+    """
+    wanted = [((c.unit.directory, *sorted(c.parameters.items())), c.unit.path.stem, c.name) for c in system.components]
     return dict(zip((c.name for c in system.components), file_names(wanted), strict=True))
 
 

@@ -52,6 +52,19 @@ def test_flat_names_have_no_dots_and_change_no_result(tmp_path: Path) -> None:
         np.testing.assert_array_equal(samples, other[name])
 
 
+def test_parameters_are_start_values_of_the_exported_fmus(tmp_path: Path) -> None:
+    """also of one that carries another value already, and under names without dots"""
+    first = export(tmp_path / "first")
+    again = write_fmus(with_parameters(first, {"motor_bldc.friction.d": 2e-5}), tmp_path / "again", (flatten,))
+    unit = again.component("motor_bldc").unit
+    assert {n: float(unit.variables[n].start) for n in ("winding_R", "friction_d")} == {
+        "winding_R": 0.25,
+        "friction_d": 2e-5,
+    }
+    kept = (unit.directory / "resources/start_values.txt").read_text(encoding="utf-8").splitlines()[1:]
+    assert kept == ["winding.R = 0.25", "friction.d = 2e-05"]
+
+
 def test_names_that_would_become_one_are_refused(tmp_path: Path) -> None:
     description = tmp_path / "modelDescription.xml"
     description.write_text(

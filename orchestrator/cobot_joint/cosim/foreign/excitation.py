@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +25,8 @@ WHAT = "makes no energy"
 
 
 def excitation(old: Component, new: Replacement, unit: Unit) -> dict[str, Signal]:
-    """For the inputs at the old unit's flanges, by the new unit's names: speeds and torques that swing, angles of these
-    speeds. All others stay at their start values."""
-    signals = {port: signal for flange in old.unit.flanges for port, signal in _swings(old.unit, flange).items()}
+    """`motion` of the old unit by the new one's names. All other inputs stay at their start values."""
+    signals = motion(old.unit)
     named = {new.name(port): signal for port, signal in signals.items()}
     return {name: signal for name, signal in named.items() if name in unit.variables}
 
@@ -38,7 +37,8 @@ def makes_no_energy(system: System, name: str, file: str) -> Iterator[Finding]:
     if not old.unit.flanges:
         return
     try:
-        bench = with_units(_bench(old), {name: file}, WHAT)
+        ports = list(dict.fromkeys(p for f in old.unit.flanges for p in (f.phi, f.w, f.tau)))
+        bench = with_units(alone(old, ports), {name: file}, WHAT)
     except UserError:  # the findings about its ports say why
         yield Finding(WHAT, "lacks", "not tried, its ports do not fit")
         return
@@ -46,10 +46,15 @@ def makes_no_energy(system: System, name: str, file: str) -> Iterator[Finding]:
         yield Finding(WHAT, "lacks", f"not tried without {', '.join(sorted(left_out))}")
         return
     time = np.linspace(0.0, DURATION, round(DURATION / STEP) + 1)
-    signals = {port: signal for flange in old.unit.flanges for port, signal in _swings(old.unit, flange).items()}
+    signals = motion(old.unit)
     inputs = Inputs(time, {port: np.vectorize(signals[port])(time) for port in bench.inputs})
     experiment = Experiment(inputs, DURATION, output_step=STEP, step=STEP, scheme=WITHOUT_ROLLBACK)
     yield _judged(simulate(bench, experiment), inputs.values, old.unit.flanges)
+
+
+def motion(unit: Unit) -> dict[str, Signal]:
+    """For the inputs at the unit's flanges: speeds and torques that swing, angles of these speeds."""
+    return {port: signal for flange in unit.flanges for port, signal in _swings(unit, flange).items()}
 
 
 def _swings(unit: Unit, flange: Flange) -> dict[str, Signal]:
@@ -73,9 +78,8 @@ def _swings(unit: Unit, flange: Flange) -> dict[str, Signal]:
     return {name: signal for name, signal in swings.items() if unit.variables[name].causality == "input"}
 
 
-def _bench(old: Component) -> System:
-    """The component alone, its flanges' variables as inputs and outputs of the system, under their own names."""
-    ports = list(dict.fromkeys(p for f in old.unit.flanges for p in (f.phi, f.w, f.tau)))
+def alone(old: Component, ports: Sequence[str]) -> System:
+    """The component alone, these Reals of it as inputs and outputs of the system, under their own names."""
     kinds = {p: old.unit.variables[p].causality for p in ports}
     connectors = {p: Connector(p, kinds[p], "Real", old.unit.unit_of(p)) for p in ports}
     wires = [

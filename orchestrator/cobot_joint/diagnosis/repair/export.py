@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import uuid
-import zipfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain, count
 from pathlib import Path
 
-from lxml import etree
-
-from cobot_joint import xml
 from cobot_joint.errors import UserError
 from cobot_joint.files import write_atomically
 from cobot_joint.system.model import Component, Connection, System, Value
-from cobot_joint.system.parameters import checked, split
-from cobot_joint.system.write import file_names, write_ssp
+from cobot_joint.system.parameters import split
+from cobot_joint.system.start_values import PortText, carries_values, set_start_values
+from cobot_joint.system.write import file_names, write_fmu, write_ssp
 from cobot_joint.units import TOOL, Unit, find_fmu, load_unit
-
-START_VALUES = "resources/start_values.txt"  # what units with our glue read at instantiation
 
 
 @dataclass(frozen=True)
@@ -34,21 +29,6 @@ class Correction:
     port: str
     signals: tuple[str, ...]
     parameters: Mapping[str, float]
-
-
-@dataclass(frozen=True)
-class PortText:
-    """What a variable of the correction unit is in one system: it has the unit of measure of this unit's variable."""
-
-    unit: Unit
-    variable: str
-    description: str
-
-
-def carries_values(unit: Unit) -> bool:
-    """Does the unit read start values from its resources? Those with our glue say so in their annotations."""
-    root = _description(unit)
-    return root.find(f"VendorAnnotations/Tool[@name='{TOOL}']") is not None
 
 
 def export_unit(
@@ -67,21 +47,8 @@ def export_unit(
     """
     if not carries_values(unit):
         raise UserError(f"{unit.path}: cannot carry start values: only units of {TOOL} read them from their resources")
-    root = _description(unit)
-    lines, late = [], onsets or {}
-    for name, given in values.items():
-        value = checked(unit, name, given, f"{path.name}: {name}")
-        text = repr(float(value)) if unit.variables[name].type == "Real" else str(int(value))
-        lines.append(f"{name} = {text} from {late[name]!r}" if name in late else f"{name} = {text}")
-        if name not in late:
-            _typed(root, name).set("start", text)
-    for name, port in (ports or {}).items():
-        _describe_port(root, name, port)
-    guid = f"{{{uuid.uuid5(uuid.NAMESPACE_OID, root.get('guid', '') + etree.tostring(root).decode() + str(lines))}}}"
-    root.set("guid", guid)
-    description = etree.tostring(root, pretty_print=True, xml_declaration=True, encoding="UTF-8")
-    write_atomically(path, lambda file: _zip(unit, file, description, "\n".join([f"guid = {guid}", *lines, ""])))
-    return path
+    change = partial(set_start_values, unit=unit, values=values, onsets=onsets, ports=ports)
+    return write_fmu(unit, path, [change])
 
 
 def repaired_system(
@@ -207,47 +174,3 @@ def _repaired(component: Component, values: Mapping[str, Value], late: Mapping[s
         return replace(component, unit=load_unit(path), parameters=values)
     export_unit(component.unit, values, path, onsets=late)
     return replace(component, unit=load_unit(path), parameters={})
-
-
-def _description(unit: Unit) -> etree._Element:
-    return xml.parse((unit.directory / "modelDescription.xml").read_bytes(), f"{unit.path}: modelDescription.xml")
-
-
-def _typed(root: etree._Element, name: str) -> etree._Element:
-    """<Real>, <Integer>, ... of a variable"""
-    for variable in root.iterfind("ModelVariables/ScalarVariable"):
-        if variable.get("name") == name:
-            return next(child for child in variable if etree.QName(child).localname != "Annotations")
-    raise KeyError(name)
-
-
-def _describe_port(root: etree._Element, name: str, text: PortText) -> None:
-    typed = _typed(root, name)
-    typed.getparent().set("description", text.description)
-    typed.attrib.pop("unit", None)
-    measure = text.unit.unit_of(text.variable)
-    if not measure:
-        return
-    typed.set("unit", measure)
-    definitions = root.find("UnitDefinitions")
-    if not any(unit.get("name") == measure for unit in definitions):
-        theirs = _description(text.unit).find(f"UnitDefinitions/Unit[@name='{measure}']")
-        definitions.append(theirs)
-
-
-def _zip(unit: Unit, file: Path, description: bytes, start_values: str) -> None:
-    """Same content, same bytes: files in order, no dates."""
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr(_entry("modelDescription.xml"), description)
-        archive.writestr(_entry(START_VALUES), start_values)
-        for source in sorted(p for p in unit.directory.rglob("*") if p.is_file()):
-            name = source.relative_to(unit.directory).as_posix()
-            if name not in ("modelDescription.xml", START_VALUES):
-                archive.writestr(_entry(name), source.read_bytes())
-
-
-def _entry(name: str) -> zipfile.ZipInfo:
-    entry = zipfile.ZipInfo(name)
-    entry.compress_type = zipfile.ZIP_DEFLATED
-    entry.external_attr = 0o644 << 16
-    return entry

@@ -93,6 +93,11 @@ typedef struct {
   double h, t0, phi, w, tau, C, D; /* h: length of the step, 0: nothing known */
 } Anchor;
 
+typedef struct {
+  int count;
+  double last; /* s */
+} Happened;
+
 /* ---- the unit -------------------------------------------------------------------------------------------------- */
 typedef struct Unit {
   union {
@@ -148,6 +153,7 @@ typedef struct Unit {
   double tolerance; /* local error per step, relative to each state's nominal value */
   int stale;        /* derivatives and outputs no longer belong to states, inputs and parameters */
   int restart;      /* parameters changed: unit_start has to run again */
+  Happened happened[N_EVENT + 1]; /* since the step began */
   uint32_t changed; /* bit k: the k-th late value of resources/ has come, or the user set that parameter */
 #define MEMORY(type, name, count) type name[count];
 #include "fmi2/rows.h"

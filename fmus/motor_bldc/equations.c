@@ -18,7 +18,7 @@ enum { AVERAGED = 1, SIMSCAPE, COMPREHENSIVE };
 static const int HALL[6] = {1, 3, 2, 6, 4, 5}; /* H1 + 2*H2 + 4*H3 per sector, Table 2.2 */
 
 static void unit_start(Unit *m) {
-  if (m->sector[0] == 0 && m->diode[0] == OPEN && m->W_abs == 0) m->sector[0] = sector_of(m->phi);
+  if (m->time == m->start_time) m->sector[0] = sector_of(m->phi);
 }
 
 static void unit_equations(Unit *m) {

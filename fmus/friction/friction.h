@@ -2,10 +2,10 @@
  *
  *   tau_f = tau_C sgn(w, w_C) + d w                        thesis eq. 4.2, 4.3
  *     stribeck            + tau_S exp(-(w/w_S)^2) sgn       Armstrong-Helouvry, Dupont and Canudas de Wit 1994
- *     sublinear_viscous   d times 1 - x |w|/(w_T + |w|)     Bittencourt and Gunnarsson 2012; Cross 1965
+ *     sublinear_viscous   d times 1 - x |w|/(w_T + |w|)     Cross 1965, for a grease
  *     windage             + c w |w|                         White, Fluid Mechanics
  *     friction_asymmetry  + tau_A (sgn + m) sgn             Armstrong-Helouvry, Dupont and Canudas de Wit 1994
- *     viscous_warmup      d times 1 - fade (1 - exp(-t/T))  Bittencourt and Gunnarsson 2012
+ *     viscous_warmup      d times 1 - fade (1 - exp(-t/T))  form assumed
  *     presliding          a share of tau_C follows the deflection z of bristles in place of sgn: Dahl 1968
  */
 #ifndef COBOT_JOINT_FRICTION_H

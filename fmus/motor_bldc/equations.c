@@ -25,7 +25,7 @@ static void unit_equations(Unit *m) {
   const bool averaged = m->motor_level == AVERAGED;
 
   /* winding: R(T_w), eq. 3.1; the line is not one to absolute zero */
-  const double T_w = m->winding_heating_T_a + m->rise;
+  const double T_w = m->winding_heating_T_a + m->rise + m->rise_h;
   const double R = m->winding_R * positive(1 + m->winding_heating_alpha * (T_w - 298.15));
 
   const int n = averaged ? 0 : modulo6(m->sector[0]);
@@ -66,11 +66,16 @@ static void unit_equations(Unit *m) {
   if (m->cogging_A != 0) tau_f += m->cogging_A * sin(m->cogging_n * m->phi + m->cogging_phi_0);
   m->der_w = (tau_e - tau_f - m->tau + m->tau_add) / (m->rotor_J + m->J_coupled);
   m->der_phi = m->w;
-  m->der_rise = (m->winding_heating_R_th * R * square(i) - m->rise) / m->winding_heating_T;
+  const double R_th = m->winding_heating_R_th, to_housing = R_th > 0 ? m->rise / R_th : R * square(i); /* W */
+  m->der_rise_h = (m->winding_heating_R_h * to_housing - m->rise_h) / m->winding_heating_T_h;
+  m->der_rise = (R_th * R * square(i) - m->rise) / m->winding_heating_T - m->der_rise_h;
   m->der_W = m->tau * m->w;
   m->der_W_abs = fabs(m->der_W);
 
-  m->i = m->i_reading = i;
+  const bool averages = m->drive_T_i > 0;
+  m->der_x_r = averages ? (i - m->x_r) / m->drive_T_i : 0;
+  m->i = i;
+  m->i_reading = averages ? m->x_r : i;
   m->tau_e = tau_e;
   m->v = v;
   m->T_w = T_w;

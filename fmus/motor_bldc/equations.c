@@ -19,6 +19,11 @@ static const int HALL[6] = {1, 3, 2, 6, 4, 5}; /* H1 + 2*H2 + 4*H3 per sector, T
 
 static void unit_start(Unit *m) {
   if (m->time == m->start_time) m->sector[0] = sector_of(m->phi);
+  start_sliding(m, m->w);
+}
+
+static inline double cogging(const Unit *m) {
+  return m->cogging_A != 0 ? m->cogging_A * sin(m->cogging_n * m->phi + m->cogging_phi_0) : 0;
 }
 
 static void unit_equations(Unit *m) {
@@ -63,8 +68,8 @@ static void unit_equations(Unit *m) {
   double tau_f = friction(m, m->w, 0);
   if (m->motor_level == COMPREHENSIVE)
     tau_f += m->friction_d * m->w * m->viscous_dynamic_D * exp(-fabs(m->w) / m->viscous_dynamic_w_D);
-  if (m->cogging_A != 0) tau_f += m->cogging_A * sin(m->cogging_n * m->phi + m->cogging_phi_0);
-  m->der_w = (tau_e - tau_f - m->tau + m->tau_add) / (m->rotor_J + m->J_coupled);
+  tau_f += cogging(m);
+  m->der_w = held_by_friction(m) ? 0 : (tau_e - tau_f - m->tau + m->tau_add) / (m->rotor_J + m->J_coupled);
   m->der_phi = m->w;
   const double R_th = m->winding_heating_R_th, to_housing = R_th > 0 ? m->rise / R_th : R * square(i); /* W */
   m->der_rise_h = (m->winding_heating_R_h * to_housing - m->rise_h) / m->winding_heating_T_h;
@@ -154,12 +159,19 @@ static void open_bridge_indicators(const Unit *m, double z[N_EVENT]) {
   }
 }
 
+/* torque on the rotor, friction that slides apart */
+static inline double on_the_shaft(const Unit *m) {
+  const double bristles = m->presliding_share != 0 ? sqrt(m->presliding_share * m->friction_tau_C) * m->z : 0;
+  return m->tau_e - cogging(m) - bristles - m->tau + m->tau_add;
+}
+
 static void unit_indicators(const Unit *m, double z[N_EVENT]) {
   for (int k = 0; k < N_EVENT; k++) z[k] = -1;
   if (m->off[0] == (m->enable != 0)) {
     z[EVENT_bridge] = 1;
     return;
   }
+  stick_indicators(m, m->w, on_the_shaft(m), z);
   if (m->off[0]) open_bridge_indicators(m, z);
   if (m->motor_level == AVERAGED) return;
   z[EVENT_forward] = m->phi - sector_start(m->sector[0] + 1);
@@ -241,6 +253,8 @@ static void unit_event(Unit *m, int event) {
     case EVENT_bridge: switch_bridge(m); break;
     case EVENT_leg_opens: open_leg(m); break;
     case EVENT_leg_conducts: turn_on_diode(m); break;
+    case EVENT_comes_to_rest: m->w = m->sliding[0] = 0; break;
+    case EVENT_breaks_away: m->sliding[0] = on_the_shaft(m) > 0 ? 1 : -1; break;
     case EVENT_diode_high: m->diode[0] = TO_SUPPLY; break;
     case EVENT_diode_low: m->diode[0] = TO_GROUND; break;
     case EVENT_freewheel_end:

@@ -133,7 +133,10 @@ static void xml_real(int i) {
                           : r->kind == IS_LOCAL     ? "local"
                           : r->kind == IS_PARAMETER ? "parameter"
                                                     : "output";
-  scalar(r->term, r->name, (unsigned)i, r->text, causality, r->kind != IS_PARAMETER ? "continuous" : FIXED_INFO[i] ? "fixed" : "tunable",
+  scalar(r->term, r->name, (unsigned)i, r->text, causality,
+         r->kind != IS_PARAMETER ? "continuous"
+         : FIXED_INFO[i]         ? "fixed"
+                                 : "tunable",
          r->kind == IS_INPUT ? NULL
          : settable          ? "exact"
                              : "calculated");

@@ -70,7 +70,8 @@ fmi2Status fmi2SetDebugLogging(fmi2Component component, fmi2Boolean on, size_t n
   for (size_t i = 0; i < n; i++) {
     const char *given = categories[i] ? categories[i] : "(null)";
     events |= strcmp(given, "logEvents") == 0;
-    if (strcmp(given, "logEvents") != 0 && strcmp(given, "logStatusError") != 0 && strcmp(given, "logStatusDiscard") != 0)
+    if (strcmp(given, "logEvents") != 0 && strcmp(given, "logStatusError") != 0 &&
+        strcmp(given, "logStatusDiscard") != 0)
       FAIL(c, "fmi2SetDebugLogging: category \"%s\" is unknown; there are logStatusError, logStatusDiscard, logEvents",
            given);
   }

@@ -15,7 +15,7 @@ typedef enum {
   INITIALIZATION = 2,
   STEPPING = 4,
   TERMINATED = 8,
-  FAILED = 16,      /* a call was an error: no way on but fmi2Reset or fmi2SetFMUstate */
+  FAILED = 16,       /* a call was an error: no way on but fmi2Reset or fmi2SetFMUstate */
   STOPPED_SHORT = 32 /* fmi2DoStep was discarded: the unit is at the last successful time */
 } Phase;
 static const char *const PHASE_NAME[] = {[INSTANTIATED] = "instantiated",

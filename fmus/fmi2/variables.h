@@ -60,7 +60,7 @@ fmi2Status fmi2SetReal(fmi2Component component, const fmi2ValueReference vr[], s
       DISCARD(c, "fmi2SetReal: %s = %g is not finite", full_name(name, r->term, r->name), value[i]);
     if (value[i] < lowest(vr[i]) || value[i] > highest(vr[i]))
       DISCARD(c, "fmi2SetReal: %s = %g %s is outside %g to %g", full_name(name, r->term, r->name), value[i], r->unit,
-           lowest(vr[i]), highest(vr[i]));
+              lowest(vr[i]), highest(vr[i]));
     if (FIXED_INFO[vr[i]] && c->phase == STEPPING)
       FAIL(c, "fmi2SetReal: %s is fixed once the unit is initialized", full_name(name, r->term, r->name));
   }

@@ -41,8 +41,8 @@ static inline void start_sliding(Unit *m, double w) {
 static inline void stick_indicators(const Unit *m, double w, double applied, double z[N_EVENT]) {
   if (!sticks(m)) return;
   z[EVENT_comes_to_rest] = comes_to_rest(m->sliding[0], w);
-  z[EVENT_breaks_away] = breaks_away(m->sliding[0], applied,
-                                     sliding_friction(m, 0, copysign(1, applied), m->friction_tau_C));
+  z[EVENT_breaks_away] =
+      breaks_away(m->sliding[0], applied, sliding_friction(m, 0, copysign(1, applied), m->friction_tau_C));
 }
 #endif
 

@@ -7,9 +7,7 @@
 enum { SMOOTH = 1, STICK };
 
 /* direction in which a shaft of speed w slides; at rest it is held, until the event says otherwise */
-static inline int sliding_of(double w, int before, bool begins) {
-  return w > 0 ? 1 : w < 0 ? -1 : begins ? 0 : before;
-}
+static inline int sliding_of(double w, int before, bool begins) { return w > 0 ? 1 : w < 0 ? -1 : begins ? 0 : before; }
 
 static inline double comes_to_rest(int sliding, double w) { return sliding != 0 ? -sliding * w : -1; }
 static inline double breaks_away(int sliding, double applied, double level) {

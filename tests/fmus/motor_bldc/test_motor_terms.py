@@ -121,7 +121,12 @@ def test_self_heating_settles_where_loss_and_cooling_meet(make: Make) -> None:
 def test_winding_and_housing_warm_up_as_two_bodies(make: Make) -> None:
     """C_w dT_w/dt = P - (T_w - T_h)/R_th, C_h dT_h/dt = (T_w - T_h)/R_th - T_h/R_h: closed form by eigenvalues"""
     R_th, R_h, T, T_h, i = 1.2, 3.2, 20.0, 300.0, 4.5
-    heat = {"winding_heating.R_th": R_th, "winding_heating.R_h": R_h, "winding_heating.T": T, "winding_heating.T_h": T_h}
+    heat = {
+        "winding_heating.R_th": R_th,
+        "winding_heating.R_h": R_h,
+        "winding_heating.T": T,
+        "winding_heating.T_h": T_h,
+    }
     motor = make("motor_bldc", {"drive.mode": 2, "set_value": i, **HELD, **heat}, tolerance=1e-8)
     out = motor.run(600.0, 10.0, ["T_w"])
     C_w, C_h, P = T / R_th, T_h / R_h, R * i**2

@@ -40,7 +40,6 @@ def test_parameters_are_initial_values_of_their_type(tmp_path: Path) -> None:
     assert {v.get("variable"): (etree.QName(v[0]).localname, v[0].get("value")) for v in values} == {
         "winding.R": ("Real", "0.25"),
         "motor.level": ("Integer", "2"),
-        "low_pass.T_s": ("Real", "0.001"),  # the system's own
     }
 
 

@@ -43,8 +43,7 @@ def test_inertia_is_steiners(make: Make) -> None:
 
 
 def test_the_wall_gives_back_what_hunt_and_crossley_say(make: Make) -> None:
-    """elastic for a = 0: w returns as -w; with a the speed u behind the impact solves u - ln(1 + u) = -w a - ln(1 - a w),
-    scaled by a"""
+    """elastic for a = 0; with a, F(x) = x - ln(1 + x) of x = a w is the same before and behind the impact"""
     wall = {"arm.g": 0.0, "wall.k": 2000.0, "wall.phi_c": 0.0, **FREE}
     elastic = make("link", {"w_p": 2.0, "wall.a": 0.0, **wall}, tolerance=1e-9)
     elastic.step(0.5)
@@ -52,7 +51,7 @@ def test_the_wall_gives_back_what_hunt_and_crossley_say(make: Make) -> None:
     a, w = 0.2, 2.0
     lossy = make("link", {"w_p": w, "wall.a": a, **wall}, tolerance=1e-9)
     lossy.step(0.5)
-    u = -lossy["w_p"] * a  # F(x) = x - ln(1 + x) is kept through the contact: F(a w) = F(-u)
+    u = -lossy["w_p"] * a
     assert 0 < u < a * w
     assert -u - np.log(1 - u) == pytest.approx(a * w - np.log(1 + a * w), rel=1e-5)
 

@@ -126,7 +126,7 @@ def test_of_what_only_listens_nothing_comes_back(engine: str) -> None:
 
 
 def test_the_bench_is_recorded_with_12_bits_averaged_current_and_the_encoders_speed() -> None:
-    """Every reading is one of the converter's: 10/4096 V; the current lags by 20 ms, the phases' sensors stand at 2.5 V."""
+    """Every reading is one of the converter's, 10/4096 V; the current's mean is that of the instant value."""
     names = ["i_motor", "w_motor", "y_a", "v_set", "motor_bldc.i"]
     t = np.array([0.0, 0.5, 1.5])
     ramp = Inputs(t, {"v_command": np.array([0.0, 6.0, 6.0])})

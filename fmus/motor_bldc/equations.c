@@ -71,9 +71,11 @@ static void unit_equations(Unit *m) {
   tau_f += cogging(m);
   m->der_w = held_by_friction(m) ? 0 : (tau_e - tau_f - m->tau + m->tau_add) / (m->rotor_J + m->J_coupled);
   m->der_phi = m->w;
-  const double R_th = m->winding_heating_R_th, to_housing = R_th > 0 ? m->rise / R_th : R * square(i); /* W */
-  m->der_rise_h = (m->winding_heating_R_h * to_housing - m->rise_h) / m->winding_heating_T_h;
-  m->der_rise = (R_th * R * square(i) - m->rise) / m->winding_heating_T - m->der_rise_h;
+  const double heat = R * square(i), R_th = m->winding_heating_R_th, R_h = m->winding_heating_R_h;
+  m->der_rise_h = 0;
+  if (R_h > 0 || m->rise_h != 0)
+    m->der_rise_h = (R_h * (R_th > 0 ? m->rise / R_th : heat) - m->rise_h) / m->winding_heating_T_h;
+  m->der_rise = (R_th * heat - m->rise) / m->winding_heating_T - m->der_rise_h;
   m->der_W = m->tau * m->w;
   m->der_W_abs = fabs(m->der_W);
 

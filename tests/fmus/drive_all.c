@@ -73,6 +73,11 @@ int main(void) {
     REFUSED(fmi2GetReal(c, &unknown, 1, &y));
     REFUSED(fmi2SetReal(c, &unknown, 1, &y));
     REFUSED(fmi2DoStep(c, 99, 1e-3, fmi2True));
+    REFUSED(fmi2Terminate(c)); /* an error stays one */
+    OK(fmi2Reset(c));
+    OK(fmi2SetupExperiment(c, 1, 1e-6, 0, 0, 0));
+    OK(fmi2EnterInitializationMode(c));
+    OK(fmi2ExitInitializationMode(c));
     OK(fmi2Terminate(c));
     OK(fmi2Reset(c));
     fmi2FreeInstance(c);

@@ -83,6 +83,6 @@ int main(void) {
     OK(fmi2Reset(c));
     fmi2FreeInstance(c);
   }
-  if (messages != 8) return printf("%s: %d messages, 8 expected\n", UNIT_NAME, messages), 1;
+  if (messages != 10) return printf("%s: %d messages, 10 expected\n", UNIT_NAME, messages), 1;
   return 0;
 }

@@ -39,5 +39,5 @@ def test_every_row_s_test_is_there() -> None:
         for name in re.findall(r"^def (test_\w+)", file.read_text(encoding="utf-8"), flags=re.M)
     }
     named = {number: re.findall(r"`(test_\w+)`", check) for number, *_, check in ROWS}
-    assert {number for number, names in named.items() if not names} == {"2.32"}  # which is not there
+    assert not [number for number, names in named.items() if not names]
     assert not {name for names in named.values() for name in names} - tests

@@ -152,3 +152,15 @@ def test_no_unit_names_a_folder_of_the_machine_that_built_it() -> None:
         with zipfile.ZipFile(unit) as archive:
             named += [f"{unit.name}: {name}" for name in archive.namelist() if HOME.search(archive.read(name))]
     assert not named
+
+
+def test_rows_of_the_units_tables_can_be_read_without_scrolling() -> None:
+    tables = [*ROOT.glob("fmus/*/model.def"), ROOT / "fmus/friction/friction.def"]
+    long = {
+        (table.parent.name, number): len(line)
+        for table in tables
+        for number, line in enumerate(table.read_text(encoding="utf-8").splitlines(), 1)
+        if len(line) > 150 and not line.startswith("#")
+    }
+    assert len(tables) > 10
+    assert not long

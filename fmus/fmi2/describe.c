@@ -133,7 +133,10 @@ static void xml_real(int i) {
                           : r->kind == IS_LOCAL     ? "local"
                           : r->kind == IS_PARAMETER ? "parameter"
                                                     : "output";
-  scalar(r->term, r->name, (unsigned)i, r->text, causality, r->kind == IS_PARAMETER ? "tunable" : "continuous",
+  scalar(r->term, r->name, (unsigned)i, r->text, causality,
+         r->kind != IS_PARAMETER ? "continuous"
+         : FIXED_INFO[i]         ? "fixed"
+                                 : "tunable",
          r->kind == IS_INPUT ? NULL
          : settable          ? "exact"
                              : "calculated");
@@ -141,7 +144,8 @@ static void xml_real(int i) {
   if (display_unit(r->unit)) printf(" displayUnit=\"%s\"", display_unit(r->unit)->name);
   if (lowest((size_t)i) > -DBL_MAX) printf(" min=\"%.17g\"", lowest((size_t)i));
   if (highest((size_t)i) < DBL_MAX) printf(" max=\"%.17g\"", highest((size_t)i));
-  if (r->kind != IS_PARAMETER) printf(" nominal=\"%.17g\"", r->nominal);
+  const double nominal = r->kind != IS_PARAMETER ? r->nominal : r->start != 0 ? fabs(r->start) : 1;
+  printf(" nominal=\"%.17g\"", nominal);
   if (settable) printf(" start=\"%.17g\"", r->start);
   printf("/></ScalarVariable>\n");
 }
@@ -338,6 +342,7 @@ static int xml(const char *version) {
   }
   printf("  </UnitDefinitions>\n");
   printf("  <LogCategories><Category name=\"logStatusError\" description=\"why a call was refused or failed\"/>"
+         "<Category name=\"logStatusDiscard\" description=\"why a value or a step was not taken\"/>"
          "<Category name=\"logEvents\" description=\"located events\"/></LogCategories>\n");
   printf("  <DefaultExperiment startTime=\"0\" stopTime=\"1\" tolerance=\"1e-06\" stepSize=\"0.001\"/>\n");
   xml_annotations();

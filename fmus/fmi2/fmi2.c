@@ -49,7 +49,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
   strcpy(copy, name);
   *c = probe;
   c->name = copy;
-  c->debug = debug != 0;
+  c->log_events = debug != 0;
   c->phase = INSTANTIATED;
   c->stop_time = DBL_MAX;
   c->unit = c->start;
@@ -66,11 +66,16 @@ void fmi2FreeInstance(fmi2Component component) {
 fmi2Status fmi2SetDebugLogging(fmi2Component component, fmi2Boolean on, size_t n, const fmi2String categories[]) {
   NEEDS(ANY);
   if (n > 0) NEEDS_POINTER(categories);
-  for (size_t i = 0; i < n; i++)
-    if (!categories[i] || (strcmp(categories[i], "logStatusError") != 0 && strcmp(categories[i], "logEvents") != 0))
-      FAIL(c, "fmi2SetDebugLogging: category \"%s\" is unknown; there are logStatusError and logEvents",
-           categories[i] ? categories[i] : "(null)");
-  c->debug = on != 0;
+  bool events = n == 0;
+  for (size_t i = 0; i < n; i++) {
+    const char *given = categories[i] ? categories[i] : "(null)";
+    events |= strcmp(given, "logEvents") == 0;
+    if (strcmp(given, "logEvents") != 0 && strcmp(given, "logStatusError") != 0 &&
+        strcmp(given, "logStatusDiscard") != 0)
+      FAIL(c, "fmi2SetDebugLogging: category \"%s\" is unknown; there are logStatusError, logStatusDiscard, logEvents",
+           given);
+  }
+  if (events) c->log_events = on != 0; /* refusals are always told */
   return fmi2OK;
 }
 
@@ -109,7 +114,11 @@ static bool settle(Instance *c) {
 #endif
   refresh(&c->unit);
 #if defined UNIT_EVENTS
-  if (c->phase == INITIALIZATION && moved) return events_here(&c->unit);
+  if (c->phase == INITIALIZATION && moved) {
+    const bool settled = events_here(&c->unit);
+    evaluate_outputs(&c->unit, c->unit.time);
+    return settled;
+  }
 #endif
   return true;
 }
@@ -122,14 +131,11 @@ fmi2Status fmi2EnterInitializationMode(fmi2Component component) {
 
 fmi2Status fmi2ExitInitializationMode(fmi2Component component) {
   NEEDS(INITIALIZATION);
-  if (!settle(c)) { /* a unit may start on the far side of an event: in contact, say */
-    c->phase = FAILED;
+  if (!settle(c)) /* a unit may start on the far side of an event: in contact, say */
     FAIL(c, "fmi2ExitInitializationMode: events follow each other without end");
-  }
   for (int i = 0; i < N_PUBLIC; i++)
     if (!isfinite(reals(&c->unit)[i])) {
       char name[NAME_SIZE];
-      c->phase = FAILED;
       FAIL(c, "fmi2ExitInitializationMode: %s is not finite; check the parameters",
            full_name(name, REAL_INFO[i].term, REAL_INFO[i].name));
     }
@@ -139,7 +145,7 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component component) {
 }
 
 fmi2Status fmi2Terminate(fmi2Component component) {
-  NEEDS(STEPPING);
+  NEEDS(STEPPING | STOPPED_SHORT);
   c->phase = TERMINATED;
   return fmi2OK;
 }

@@ -10,18 +10,26 @@
 #include "fmi2Functions.h"
 
 /* FMI 2.0.4, 4.2.4 "State Machine for Co-Simulation" */
-typedef enum { INSTANTIATED = 1, INITIALIZATION = 2, STEPPING = 4, TERMINATED = 8, FAILED = 16 } Phase;
+typedef enum {
+  INSTANTIATED = 1,
+  INITIALIZATION = 2,
+  STEPPING = 4,
+  TERMINATED = 8,
+  FAILED = 16,       /* a call was an error: no way on but fmi2Reset or fmi2SetFMUstate */
+  STOPPED_SHORT = 32 /* fmi2DoStep was discarded: the unit is at the last successful time */
+} Phase;
 static const char *const PHASE_NAME[] = {[INSTANTIATED] = "instantiated",
                                          [INITIALIZATION] = "in initialization mode",
                                          [STEPPING] = "initialized",
                                          [TERMINATED] = "terminated",
-                                         [FAILED] = "failed"};
-enum { READABLE = INITIALIZATION | STEPPING | TERMINATED | FAILED, ANY = 31 };
+                                         [FAILED] = "failed",
+                                         [STOPPED_SHORT] = "short of its step's end"};
+enum { READABLE = INITIALIZATION | STEPPING | TERMINATED | FAILED | STOPPED_SHORT, ANY = 63 };
 
 typedef struct {
   const fmi2CallbackFunctions *callbacks;
   char *name;
-  bool debug;
+  bool log_events; /* category logEvents is on */
   Phase phase;
   double stop_time; /* DBL_MAX: not defined */
   Unit start;       /* as instantiated: the table's start values, or those in resources/ */
@@ -39,7 +47,10 @@ static void say(const Instance *c, fmi2Status status, const char *category, cons
     c->callbacks->logger(c->callbacks->componentEnvironment, c->name, status, category, "%s", text);
 }
 
-#define FAIL(c, ...) return say((c), fmi2Error, "logStatusError", __VA_ARGS__), fmi2Error
+/* an error stays one: the instance is of no use until it is reset or gets a state (FMI 2.0.4, 2.1.3) */
+#define FAIL(c, ...) return say((c), fmi2Error, "logStatusError", __VA_ARGS__), (c)->phase = FAILED, fmi2Error
+/* nothing has changed, the master may do better */
+#define DISCARD(c, ...) return say((c), fmi2Discard, "logStatusDiscard", __VA_ARGS__), fmi2Discard
 #define NEEDS(phases)                                                                                                  \
   Instance *c = component;                                                                                             \
   if (!c) return fmi2Error;                                                                                            \

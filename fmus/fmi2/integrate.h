@@ -80,7 +80,11 @@ static bool events_here(Unit *m) {
   for (int n = 0; n < 64; n++) {
     if (!event_pending(m, z)) return true;
     for (int k = 0; k < N_EVENT; k++)
-      if (z[k] > 0) unit_event(m, k);
+      if (z[k] > 0) {
+        m->happened[k].count++;
+        m->happened[k].last = m->time;
+        unit_event(m, k);
+      }
     evaluate(m, m->time);
   }
   return false;

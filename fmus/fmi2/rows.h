@@ -48,6 +48,9 @@
 #ifndef BOUNDS /* (name, min, max): of a state or an input that may not take every value */
 #define BOUNDS(...)
 #endif
+#ifndef FIXED /* (parameter): term_name of one that no unit changes while it runs: geometry, inertia, sampling */
+#define FIXED(...)
+#endif
 #ifndef EVENT /* (name, description): an indicator that equations.c gives; the event is where it turns positive */
 #define EVENT(...)
 #endif
@@ -79,6 +82,7 @@
 #undef SIGNAL
 #undef LOCAL
 #undef BOUNDS
+#undef FIXED
 #undef EVENT
 #undef MEMORY
 #undef FLANGE

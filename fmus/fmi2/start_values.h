@@ -92,7 +92,7 @@ static inline bool set_late(LateValues *late, const Unit *m, const char *name, d
     const RealInfo *r = &REAL_INFO[i];
     Unit probe = *m;
     if (strcmp(full_name(known, r->term, r->name), name) != 0) continue;
-    if (r->kind != IS_PARAMETER || !set_start(&probe, name, value)) return false;
+    if (r->kind != IS_PARAMETER || FIXED_INFO[i] || !set_start(&probe, name, value)) return false;
     late->of[late->n].reference = i;
     late->of[late->n].value = value;
     late->of[late->n++].from = from;

@@ -14,12 +14,12 @@ typedef struct {
 } Snapshot;
 enum {
   STATE_MAGIC = 0x636a3031,
-  STATE_VERSION = 2
+  STATE_VERSION = 3
 }; /* version: counts changes of Snapshot and of what stands before it */
 
 static bool is_phase(Phase phase) {
   return phase == INSTANTIATED || phase == INITIALIZATION || phase == STEPPING || phase == TERMINATED ||
-         phase == FAILED;
+         phase == FAILED || phase == STOPPED_SHORT;
 }
 
 static bool is_state(const Snapshot *s) {

@@ -5,7 +5,7 @@
 #include "fmi2/held.h"
 #include "fmi2/instance.h"
 
-static fmi2Status refuse_derivative(const Instance *c, fmi2ValueReference vr, int order, double value) {
+static fmi2Status refuse_derivative(Instance *c, fmi2ValueReference vr, int order, double value) {
   if (vr >= N_PUBLIC)
     FAIL(c, "fmi2SetRealInputDerivatives: value reference %u is no real variable; they go from 0 to %d", vr,
          N_PUBLIC - 1);
@@ -38,7 +38,7 @@ fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueR
 /* dy/dt = dg/dx dx/dt + dg/du du/dt + dg/dt, by a difference along that direction */
 fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2ValueReference vr[], size_t n,
                                         const fmi2Integer order[], fmi2Real value[]) {
-  NEEDS(STEPPING | TERMINATED);
+  NEEDS(STEPPING | TERMINATED | STOPPED_SHORT);
   CHECK_LIST(0, N_PUBLIC, "real");
   if (n > 0) NEEDS_POINTER(order);
   Unit *m = &c->unit;
@@ -83,6 +83,18 @@ static const char *advance(Instance *c, double t_end) {
   }
 }
 
+static void tell_events(const Instance *c) {
+  static const char *const TEXT[N_EVENT + 1] = {
+#define EVENT(name, text) text,
+#include "fmi2/rows.h"
+      NULL};
+  for (int k = 0; k < N_EVENT; k++) {
+    const Happened *e = &c->unit.happened[k];
+    if (e->count > 0)
+      say(c, fmi2OK, "logEvents", "%s: %d times in this step, last at %.9g s", TEXT[k], e->count, e->last);
+  }
+}
+
 fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boolean no_rollback) {
   NEEDS(STEPPING);
   (void)no_rollback;
@@ -94,6 +106,7 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
   if (t + h > c->stop_time + slack)
     FAIL(c, "fmi2DoStep: the step ends at %g, behind the stop time %g", t + h, c->stop_time);
   refresh(m);
+  memset(m->happened, 0, sizeof m->happened);
   continue_held(m, h);
   for (int j = 0; j < N_INPUT; j++) { /* an input that nobody set stays where it got to */
     if (!m->u[j].fresh) {
@@ -105,10 +118,11 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
     m->u[j].fresh = 0;
   }
   const char *trouble = advance(c, t + h);
-  if (!trouble && !all_finite(m)) trouble = "a variable left the range of numbers";
+  if (!all_finite(m)) FAIL(c, "fmi2DoStep: from %g s by %g s: a variable left the range of numbers", t, h);
+  if (c->log_events) tell_events(c);
   if (trouble) {
-    c->phase = FAILED;
-    FAIL(c, "fmi2DoStep: from %g s by %g s: %s", t, h, trouble);
+    c->phase = STOPPED_SHORT;
+    DISCARD(c, "fmi2DoStep: from %g s by %g s: %s, at %g s", t, h, trouble, m->time);
   }
   end_of_step(m);
   return fmi2OK;
@@ -123,21 +137,28 @@ fmi2Status fmi2CancelStep(fmi2Component component) {
   fmi2Status fmi2Get##type##Status(fmi2Component component, const fmi2StatusKind kind, fmi2##type *value) {            \
     NEEDS(ANY);                                                                                                        \
     (void)value;                                                                                                       \
-    FAIL(c, "fmi2Get" #type "Status: no status %d; steps are finished when fmi2DoStep returns", (int)kind);            \
+    DISCARD(c, "fmi2Get" #type "Status: no status %d; steps are finished when fmi2DoStep returns", (int)kind);         \
   }
 fmi2Status fmi2GetStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Status *value) {
   NEEDS(ANY);
   (void)value;
-  FAIL(c, "fmi2GetStatus: no status %d; steps are finished when fmi2DoStep returns", (int)kind);
+  DISCARD(c, "fmi2GetStatus: no status %d; steps are finished when fmi2DoStep returns", (int)kind);
 }
 STATUS(Integer)
-STATUS(Boolean)
 STATUS(String)
+/* whether the unit wants no more steps: it could not reach the end of the last one */
+fmi2Status fmi2GetBooleanStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Boolean *value) {
+  NEEDS(ANY);
+  NEEDS_POINTER(value);
+  if (kind != fmi2Terminated) DISCARD(c, "fmi2GetBooleanStatus: status %d; there is fmi2Terminated", (int)kind);
+  *value = c->phase == STOPPED_SHORT;
+  return fmi2OK;
+}
 fmi2Status fmi2GetRealStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Real *value) {
-  NEEDS(STEPPING | TERMINATED | FAILED);
+  NEEDS(STEPPING | TERMINATED | FAILED | STOPPED_SHORT);
   NEEDS_POINTER(value);
   if (kind != fmi2LastSuccessfulTime)
-    FAIL(c, "fmi2GetRealStatus: status %d; there is fmi2LastSuccessfulTime", (int)kind);
+    DISCARD(c, "fmi2GetRealStatus: status %d; there is fmi2LastSuccessfulTime", (int)kind);
   *value = c->unit.time;
   return fmi2OK;
 }
@@ -165,7 +186,7 @@ static double size_of(const Unit *m, fmi2ValueReference vr) {
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2ValueReference unknown[], size_t n_unknown,
                                         const fmi2ValueReference known[], size_t n_known, const fmi2Real dv[],
                                         fmi2Real dz[]) {
-  NEEDS(INITIALIZATION | STEPPING | TERMINATED);
+  NEEDS(INITIALIZATION | STEPPING | TERMINATED | STOPPED_SHORT);
   if (n_unknown > 0) NEEDS_POINTER(unknown);
   if (n_unknown > 0) NEEDS_POINTER(dz);
   if (n_known > 0) NEEDS_POINTER(known);

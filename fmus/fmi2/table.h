@@ -60,6 +60,10 @@ static const struct {
 #define BOUNDS(name, min, max) [VR_##name] = {true, min, max},
 #include "fmi2/rows.h"
     [N_PUBLIC] = {false, 0, 0}};
+static const bool FIXED_INFO[N_PUBLIC + 1] = {
+#define FIXED(parameter) [VR_##parameter] = true,
+#include "fmi2/rows.h"
+    [N_PUBLIC] = false};
 static inline double lowest(size_t i) { return BOUNDS_INFO[i].given ? BOUNDS_INFO[i].min : REAL_INFO[i].min; }
 static inline double highest(size_t i) { return BOUNDS_INFO[i].given ? BOUNDS_INFO[i].max : REAL_INFO[i].max; }
 

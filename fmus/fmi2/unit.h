@@ -93,6 +93,11 @@ typedef struct {
   double h, t0, phi, w, tau, C, D; /* h: length of the step, 0: nothing known */
 } Anchor;
 
+typedef struct {
+  int count;
+  double last; /* s */
+} Happened;
+
 /* ---- the unit -------------------------------------------------------------------------------------------------- */
 /* Variables of a type lie one behind the other, in the order of their value references: reals(), integers(), booleans().
  * A union of names and arrays would say so, but has no place in C99, where all its members need names. */
@@ -131,10 +136,11 @@ typedef struct Unit {
     int given, answers;         /* given: with derivatives; answers: by its shaft, held.h */
   } u[N_INPUT + 1];
   Anchor anchor[N_HELD + 1];
-  double step;      /* s, what the integrator takes next */
-  double tolerance; /* local error per step, relative to each state's nominal value */
-  int stale;        /* derivatives and outputs no longer belong to states, inputs and parameters */
-  int restart;      /* parameters changed: unit_start has to run again */
+  double step;                    /* s, what the integrator takes next */
+  double tolerance;               /* local error per step, relative to each state's nominal value */
+  int stale;                      /* derivatives and outputs no longer belong to states, inputs and parameters */
+  int restart;                    /* parameters changed: unit_start has to run again */
+  Happened happened[N_EVENT + 1]; /* since the step began */
   uint32_t changed; /* bit k: the k-th late value of resources/ has come, or the user set that parameter */
 #define MEMORY(type, name, count) type name[count];
 #include "fmi2/rows.h"

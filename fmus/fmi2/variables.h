@@ -16,7 +16,8 @@ fmi2Status fmi2GetReal(fmi2Component component, const fmi2ValueReference vr[], s
 fmi2Status fmi2GetInteger(fmi2Component component, const fmi2ValueReference vr[], size_t n, fmi2Integer value[]) {
   NEEDS(READABLE);
   CHECK_LIST(1, N_INTEGER, "integer");
-  if (c->phase & (INITIALIZATION | STEPPING)) refresh(&c->unit);
+  if ((c->phase & (INITIALIZATION | STEPPING)) && !settle(c))
+    FAIL(c, "fmi2GetInteger: events follow each other without end");
   for (size_t i = 0; i < n; i++) value[i] = integers(&c->unit)[vr[i]];
   return fmi2OK;
 }
@@ -24,7 +25,8 @@ fmi2Status fmi2GetInteger(fmi2Component component, const fmi2ValueReference vr[]
 fmi2Status fmi2GetBoolean(fmi2Component component, const fmi2ValueReference vr[], size_t n, fmi2Boolean value[]) {
   NEEDS(READABLE);
   CHECK_LIST(1, N_BOOLEAN, "Boolean");
-  if (c->phase & (INITIALIZATION | STEPPING)) refresh(&c->unit);
+  if ((c->phase & (INITIALIZATION | STEPPING)) && !settle(c))
+    FAIL(c, "fmi2GetBoolean: events follow each other without end");
   for (size_t i = 0; i < n; i++) value[i] = booleans(&c->unit)[vr[i]];
   return fmi2OK;
 }
@@ -54,10 +56,13 @@ fmi2Status fmi2SetReal(fmi2Component component, const fmi2ValueReference vr[], s
       FAIL(c, "fmi2SetReal: %s is calculated by the unit and cannot be set", r->name);
     if (r->kind == IS_STATE && c->phase == STEPPING)
       FAIL(c, "fmi2SetReal: %s is a state; its start value can only be set before the initialization ends", r->name);
-    if (!isfinite(value[i])) FAIL(c, "fmi2SetReal: %s = %g is not finite", full_name(name, r->term, r->name), value[i]);
+    if (!isfinite(value[i]))
+      DISCARD(c, "fmi2SetReal: %s = %g is not finite", full_name(name, r->term, r->name), value[i]);
     if (value[i] < lowest(vr[i]) || value[i] > highest(vr[i]))
-      FAIL(c, "fmi2SetReal: %s = %g %s is outside %g to %g", full_name(name, r->term, r->name), value[i], r->unit,
-           lowest(vr[i]), highest(vr[i]));
+      DISCARD(c, "fmi2SetReal: %s = %g %s is outside %g to %g", full_name(name, r->term, r->name), value[i], r->unit,
+              lowest(vr[i]), highest(vr[i]));
+    if (FIXED_INFO[vr[i]] && c->phase == STEPPING)
+      FAIL(c, "fmi2SetReal: %s is fixed once the unit is initialized", full_name(name, r->term, r->name));
   }
   Unit *m = &c->unit;
   for (size_t i = 0; i < n; i++) {
@@ -82,7 +87,7 @@ static fmi2Status set_discrete(Instance *c, const char *call, int target[], cons
     if (r->kind == IS_PARAMETER && c->phase == STEPPING)
       FAIL(c, "%s: %s is fixed once the unit is initialized", call, full_name(name, r->term, r->name));
     if (value[i] < r->min || value[i] > max)
-      FAIL(c, "%s: %s = %d is outside %d to %d", call, full_name(name, r->term, r->name), value[i], r->min, max);
+      DISCARD(c, "%s: %s = %d is outside %d to %d", call, full_name(name, r->term, r->name), value[i], r->min, max);
   }
   for (size_t i = 0; i < n; i++) {
     if (target[vr[i]] == value[i]) continue;

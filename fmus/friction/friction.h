@@ -2,16 +2,17 @@
  *
  *   tau_f = tau_C sgn(w, w_C) + d w                        thesis eq. 4.2, 4.3
  *     stribeck            + tau_S exp(-(w/w_S)^2) sgn       Armstrong-Helouvry, Dupont and Canudas de Wit 1994
- *     sublinear_viscous   d times 1 - x |w|/(w_T + |w|)     Bittencourt and Gunnarsson 2012; Cross 1965
+ *     sublinear_viscous   d times 1 - x |w|/(w_T + |w|)     Cross 1965, for a grease
  *     windage             + c w |w|                         White, Fluid Mechanics
  *     friction_asymmetry  + tau_A (sgn + m) sgn             Armstrong-Helouvry, Dupont and Canudas de Wit 1994
- *     viscous_warmup      d times 1 - fade (1 - exp(-t/T))  Bittencourt and Gunnarsson 2012
+ *     viscous_warmup      d times 1 - fade (1 - exp(-t/T))  form assumed
  *     presliding          a share of tau_C follows the deflection z of bristles in place of sgn: Dahl 1968
  */
 #ifndef COBOT_JOINT_FRICTION_H
 #define COBOT_JOINT_FRICTION_H
 
 #include "fmi2/unit.h"
+#include "friction/stick.h"
 
 /* viscous friction over speed: cold grease at rest has d, shear and warmth each leave a share of it */
 static inline double viscous(const Unit *m, double w) {
@@ -22,15 +23,37 @@ static inline double viscous(const Unit *m, double w) {
   return d;
 }
 
-/* tau_load: what the load adds to the Coulomb friction */
-static inline double friction(Unit *m, double w, double tau_load) {
-  const double direction = sgn(w, m->friction_w_C), share = m->presliding_share;
-  const double tau_C = m->friction_tau_C + tau_load;
-
-  double sliding = (1 - share) * tau_C;
+/* Coulomb friction of what slides at w in a direction; never drives */
+static inline double sliding_friction(const Unit *m, double w, double direction, double tau_C) {
+  double sliding = (1 - m->presliding_share) * tau_C;
   if (m->stribeck_tau_S != 0) sliding += m->stribeck_tau_S * exp(-square(w / m->stribeck_w_S));
   if (m->friction_asymmetry_tau_A != 0) sliding += m->friction_asymmetry_tau_A * (direction + m->friction_asymmetry_m);
-  double tau = positive(sliding) * direction + viscous(m, w) * w; /* what slides never drives */
+  return positive(sliding);
+}
+
+#ifdef FRICTION_STICKS
+static inline bool sticks(const Unit *m) { return m->friction_law == STICK; }
+static inline bool held_by_friction(const Unit *m) { return sticks(m) && m->sliding[0] == 0; }
+static inline void start_sliding(Unit *m, double w) {
+  m->sliding[0] = sliding_of(w, m->sliding[0], m->time == m->start_time);
+}
+/* applied: torque on the shaft but for friction that slides */
+static inline void stick_indicators(const Unit *m, double w, double applied, double z[N_EVENT]) {
+  if (!sticks(m)) return;
+  z[EVENT_comes_to_rest] = comes_to_rest(m->sliding[0], w);
+  z[EVENT_breaks_away] =
+      breaks_away(m->sliding[0], applied, sliding_friction(m, 0, copysign(1, applied), m->friction_tau_C));
+}
+#endif
+
+/* tau_load: what the load adds to the Coulomb friction */
+static inline double friction(Unit *m, double w, double tau_load) {
+  double direction = sgn(w, m->friction_w_C);
+#ifdef FRICTION_STICKS
+  if (sticks(m)) direction = m->sliding[0];
+#endif
+  const double share = m->presliding_share, tau_C = m->friction_tau_C + tau_load;
+  double tau = sliding_friction(m, w, direction, tau_C) * direction + viscous(m, w) * w;
   if (m->windage_c != 0) tau += m->windage_c * w * fabs(w);
 
   /* bristles keep the energy phi_s z^2/2: tau w = d/dt(phi_s z^2/2) + |w| z^2, also where the load changes tau_C */

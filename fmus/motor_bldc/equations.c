@@ -18,14 +18,19 @@ enum { AVERAGED = 1, SIMSCAPE, COMPREHENSIVE };
 static const int HALL[6] = {1, 3, 2, 6, 4, 5}; /* H1 + 2*H2 + 4*H3 per sector, Table 2.2 */
 
 static void unit_start(Unit *m) {
-  if (m->sector[0] == 0 && m->diode[0] == OPEN && m->W_abs == 0) m->sector[0] = sector_of(m->phi);
+  if (m->time == m->start_time) m->sector[0] = sector_of(m->phi);
+  start_sliding(m, m->w);
+}
+
+static inline double cogging(const Unit *m) {
+  return m->cogging_A != 0 ? m->cogging_A * sin(m->cogging_n * m->phi + m->cogging_phi_0) : 0;
 }
 
 static void unit_equations(Unit *m) {
   const bool averaged = m->motor_level == AVERAGED;
 
   /* winding: R(T_w), eq. 3.1; the line is not one to absolute zero */
-  const double T_w = m->winding_heating_T_a + m->rise;
+  const double T_w = m->winding_heating_T_a + m->rise + m->rise_h;
   const double R = m->winding_R * positive(1 + m->winding_heating_alpha * (T_w - 298.15));
 
   const int n = averaged ? 0 : modulo6(m->sector[0]);
@@ -63,14 +68,21 @@ static void unit_equations(Unit *m) {
   double tau_f = friction(m, m->w, 0);
   if (m->motor_level == COMPREHENSIVE)
     tau_f += m->friction_d * m->w * m->viscous_dynamic_D * exp(-fabs(m->w) / m->viscous_dynamic_w_D);
-  if (m->cogging_A != 0) tau_f += m->cogging_A * sin(m->cogging_n * m->phi + m->cogging_phi_0);
-  m->der_w = (tau_e - tau_f - m->tau + m->tau_add) / (m->rotor_J + m->J_coupled);
+  tau_f += cogging(m);
+  m->der_w = held_by_friction(m) ? 0 : (tau_e - tau_f - m->tau + m->tau_add) / (m->rotor_J + m->J_coupled);
   m->der_phi = m->w;
-  m->der_rise = (m->winding_heating_R_th * R * square(i) - m->rise) / m->winding_heating_T;
+  const double heat = R * square(i), R_th = m->winding_heating_R_th, R_h = m->winding_heating_R_h;
+  m->der_rise_h = 0;
+  if (R_h > 0 || m->rise_h != 0)
+    m->der_rise_h = (R_h * (R_th > 0 ? m->rise / R_th : heat) - m->rise_h) / m->winding_heating_T_h;
+  m->der_rise = (R_th * heat - m->rise) / m->winding_heating_T - m->der_rise_h;
   m->der_W = m->tau * m->w;
   m->der_W_abs = fabs(m->der_W);
 
-  m->i = m->i_reading = i;
+  const bool averages = m->drive_T_i > 0;
+  m->der_x_r = averages ? (i - m->x_r) / m->drive_T_i : 0;
+  m->i = i;
+  m->i_reading = averages ? m->x_r : i;
   m->tau_e = tau_e;
   m->v = v;
   m->T_w = T_w;
@@ -149,12 +161,19 @@ static void open_bridge_indicators(const Unit *m, double z[N_EVENT]) {
   }
 }
 
+/* torque on the rotor, friction that slides apart */
+static inline double on_the_shaft(const Unit *m) {
+  const double bristles = m->presliding_share != 0 ? sqrt(m->presliding_share * m->friction_tau_C) * m->z : 0;
+  return m->tau_e - cogging(m) - bristles - m->tau + m->tau_add;
+}
+
 static void unit_indicators(const Unit *m, double z[N_EVENT]) {
   for (int k = 0; k < N_EVENT; k++) z[k] = -1;
   if (m->off[0] == (m->enable != 0)) {
     z[EVENT_bridge] = 1;
     return;
   }
+  stick_indicators(m, m->w, on_the_shaft(m), z);
   if (m->off[0]) open_bridge_indicators(m, z);
   if (m->motor_level == AVERAGED) return;
   z[EVENT_forward] = m->phi - sector_start(m->sector[0] + 1);
@@ -236,6 +255,8 @@ static void unit_event(Unit *m, int event) {
     case EVENT_bridge: switch_bridge(m); break;
     case EVENT_leg_opens: open_leg(m); break;
     case EVENT_leg_conducts: turn_on_diode(m); break;
+    case EVENT_comes_to_rest: m->w = m->sliding[0] = 0; break;
+    case EVENT_breaks_away: m->sliding[0] = on_the_shaft(m) > 0 ? 1 : -1; break;
     case EVENT_diode_high: m->diode[0] = TO_SUPPLY; break;
     case EVENT_diode_low: m->diode[0] = TO_GROUND; break;
     case EVENT_freewheel_end:

@@ -7,6 +7,7 @@
  */
 #define UNIT_EVENTS
 #include "fmi2/unit.h"
+#include "friction/stick.h"
 
 /* external torque: whether it acts at the present time */
 static inline bool touched_now(const Unit *m) {
@@ -14,13 +15,48 @@ static inline bool touched_now(const Unit *m) {
   return since >= 0 && since < m->external_torque_T_d;
 }
 
-static void unit_start(Unit *m) { m->touched[0] = touched_now(m); }
+static void unit_start(Unit *m) {
+  const bool begins = m->time == m->start_time;
+  m->touched[0] = touched_now(m);
+  m->slides_p[0] = sliding_of(m->w_p, m->slides_p[0], begins);
+  m->slides_b[0] = sliding_of(m->w_b, m->slides_b[0], begins);
+}
+
+static inline bool is_held_by_hand(const Unit *m) { return m->hand_law == STICK && m->slides_p[0] == 0; }
+static inline bool is_held_by_brake(const Unit *m) { return m->brake_law == STICK && m->slides_b[0] == 0; }
+
+/* torque of the brake: what slides, and the most that it holds */
+static inline double brake_torque(const Unit *m) {
+  return (m->brake_fade_x != 0 ? m->tau_m / (1 + m->brake_fade_x * m->E) : m->tau_m) + m->brake_tau_off;
+}
 
 /* f(i): linear up to tau_lin, saturating at tau_max */
 static inline double brake_curve(const Unit *m, double i) {
   const double linear = m->brake_k_b * fabs(i), h = m->brake_tau_max - m->brake_tau_lin;
   if (linear <= m->brake_tau_lin) return linear;
   return h > 0 ? m->brake_tau_lin + h * (1 - exp(-(linear - m->brake_tau_lin) / h)) : m->brake_tau_max;
+}
+
+static inline double ratio(const Unit *m) {
+  const double A = m->pulley_eccentricity_A;
+  return A != 0 ? m->belt_r * (1 + A * cos(m->phi_p + m->pulley_eccentricity_phi_0)) : m->belt_r;
+}
+
+/* torque on the pulley, the hand's apart */
+static inline double on_the_pulley(const Unit *m) {
+  double tau_p = m->tau_s - ratio(m) * m->tau_belt + m->tau_add;
+  if (m->imbalance_G != 0) tau_p -= m->imbalance_G * sin(m->phi_p + m->imbalance_phi_0);
+  if (m->position_friction_T != 0)
+    tau_p -= m->position_friction_T *
+             (m->position_friction_m + sin(m->position_friction_n * m->phi_p + m->position_friction_phi_0)) *
+             sgn(m->w_p, m->position_friction_w_0);
+  if (m->touched[0]) tau_p += m->external_torque_T;
+  return tau_p;
+}
+
+/* torque on the brake's shaft, the field's and what it has without current apart */
+static inline double on_the_brake(const Unit *m) {
+  return m->tau_belt + m->tau_b_add - (m->brake_hysteresis_T != 0 ? m->brake_hysteresis_T * m->z_h : 0);
 }
 
 static void unit_equations(Unit *m) {
@@ -33,11 +69,11 @@ static void unit_equations(Unit *m) {
   m->der_x_coil = lag ? (i_ref - m->x_coil) / m->driver_T : 0;
 
   /* belt: tau_belt = c_b (r phi_p - phi_b - slip) + d_b (r w_p - w_b - x tau_belt |r w_p|) */
-  double r = m->belt_r, way = m->belt_r * m->phi_p;
+  const double r = ratio(m);
+  double way = m->belt_r * m->phi_p;
   if (m->pulley_eccentricity_A != 0) {
-    const double A = m->pulley_eccentricity_A, phi_0 = m->pulley_eccentricity_phi_0;
-    way += r * A * (sin(m->phi_p + phi_0) - sin(phi_0));
-    r *= 1 + A * cos(m->phi_p + phi_0);
+    const double phi_0 = m->pulley_eccentricity_phi_0;
+    way += m->belt_r * m->pulley_eccentricity_A * (sin(m->phi_p + phi_0) - sin(phi_0));
   }
   const double x = m->belt_creep_x * fabs(r * w_p); /* creep is a share of the belt's speed */
   const double tau_belt = (m->belt_c_b * (way - m->phi_b - m->slip + m->stretch_add) + m->belt_d_b * (r * w_p - w_b)) /
@@ -46,15 +82,9 @@ static void unit_equations(Unit *m) {
   m->tau_belt = tau_belt;
 
   /* J_p dw_p/dt = tau_s - r tau_belt - tau_h sgn(w_p, w_h) */
-  double tau_p = m->tau_s - r * tau_belt + m->tau_add;
-  if (m->tau_h > 0) tau_p -= m->tau_h * sgn(w_p, m->hand_w_h);
-  if (m->imbalance_G != 0) tau_p -= m->imbalance_G * sin(m->phi_p + m->imbalance_phi_0);
-  if (m->position_friction_T != 0)
-    tau_p -= m->position_friction_T *
-             (m->position_friction_m + sin(m->position_friction_n * m->phi_p + m->position_friction_phi_0)) *
-             sgn(w_p, m->position_friction_w_0);
-  if (m->touched[0]) tau_p += m->external_torque_T;
-  m->der_w_p = tau_p / m->pulley_J_p;
+  double tau_p = on_the_pulley(m);
+  if (m->tau_h > 0) tau_p -= m->tau_h * (m->hand_law == STICK ? m->slides_p[0] : sgn(w_p, m->hand_w_h));
+  m->der_w_p = is_held_by_hand(m) ? 0 : tau_p / m->pulley_J_p;
   m->der_phi_p = w_p;
 
   /* dtau_m/dt = omega_m (f(i) - tau_m) */
@@ -62,15 +92,14 @@ static void unit_equations(Unit *m) {
   m->der_tau_m = m->brake_omega_m * (missing < 0 ? 1 - m->brake_release_lag_x : 1) * missing;
 
   /* J_b dw_b/dt = tau_belt - (tau_m + tau_off) sgn(w_b, w_b0) - d_off w_b */
-  const double tau_field = m->brake_fade_x != 0 ? m->tau_m / (1 + m->brake_fade_x * m->E) : m->tau_m;
-  double tau_b =
-      tau_belt - (tau_field + m->brake_tau_off) * sgn(w_b, m->brake_w_b0) - m->brake_d_off * w_b + m->tau_b_add;
+  const double direction = m->brake_law == STICK ? m->slides_b[0] : sgn(w_b, m->brake_w_b0);
+  double tau_b = tau_belt - brake_torque(m) * direction - m->brake_d_off * w_b + m->tau_b_add;
   m->der_z_h = 0;
   if (m->brake_hysteresis_T != 0) {
     m->der_z_h = (w_b - fabs(w_b) * m->z_h) / m->brake_hysteresis_phi_h;
     tau_b -= m->brake_hysteresis_T * m->z_h;
   }
-  m->der_w_b = tau_b / m->brake_J_b;
+  m->der_w_b = is_held_by_brake(m) ? 0 : tau_b / m->brake_J_b;
   m->der_phi_b = w_b;
   m->der_E = fabs(m->tau_m * w_b) - m->E / m->brake_fade_T_c;
 
@@ -79,9 +108,25 @@ static void unit_equations(Unit *m) {
 }
 
 static void unit_indicators(const Unit *m, double z[N_EVENT]) {
+  for (int k = 0; k < N_EVENT; k++) z[k] = -1;
   const bool changes = m->external_torque_T != 0 && touched_now(m) != (m->touched[0] != 0);
-  z[EVENT_touch_begin] = changes && !m->touched[0] ? 1 : -1;
-  z[EVENT_touch_end] = changes && m->touched[0] ? 1 : -1;
+  if (changes) z[m->touched[0] ? EVENT_touch_end : EVENT_touch_begin] = 1;
+  if (m->hand_law == STICK) {
+    z[EVENT_hand_holds] = comes_to_rest(m->slides_p[0], m->w_p);
+    z[EVENT_hand_slips] = breaks_away(m->slides_p[0], on_the_pulley(m), positive(m->tau_h));
+  }
+  if (m->brake_law == STICK) {
+    z[EVENT_brake_holds] = comes_to_rest(m->slides_b[0], m->w_b);
+    z[EVENT_brake_slips] = breaks_away(m->slides_b[0], on_the_brake(m), brake_torque(m));
+  }
 }
 
-static void unit_event(Unit *m, int event) { m->touched[0] = event == EVENT_touch_begin; }
+static void unit_event(Unit *m, int event) {
+  switch (event) {
+    case EVENT_hand_holds: m->w_p = m->slides_p[0] = 0; break;
+    case EVENT_hand_slips: m->slides_p[0] = on_the_pulley(m) > 0 ? 1 : -1; break;
+    case EVENT_brake_holds: m->w_b = m->slides_b[0] = 0; break;
+    case EVENT_brake_slips: m->slides_b[0] = on_the_brake(m) > 0 ? 1 : -1; break;
+    default: m->touched[0] = event == EVENT_touch_begin;
+  }
+}

@@ -60,6 +60,7 @@ int main(void) {
     fmi2Byte *bytes = malloc(size);
     OK(fmi2SerializeFMUstate(c, state, bytes, size));
     REFUSED(fmi2SerializeFMUstate(c, state, bytes, size - 1));
+    OK(fmi2SetFMUstate(c, state)); /* from an error the way on is a kept state */
     OK(fmi2DeSerializeFMUstate(c, bytes, size, &copy));
     if (run(c, 50)) return 1;
     OK(fmi2SetFMUstate(c, copy));
@@ -73,10 +74,15 @@ int main(void) {
     REFUSED(fmi2GetReal(c, &unknown, 1, &y));
     REFUSED(fmi2SetReal(c, &unknown, 1, &y));
     REFUSED(fmi2DoStep(c, 99, 1e-3, fmi2True));
+    REFUSED(fmi2Terminate(c)); /* an error stays one */
+    OK(fmi2Reset(c));
+    OK(fmi2SetupExperiment(c, 1, 1e-6, 0, 0, 0));
+    OK(fmi2EnterInitializationMode(c));
+    OK(fmi2ExitInitializationMode(c));
     OK(fmi2Terminate(c));
     OK(fmi2Reset(c));
     fmi2FreeInstance(c);
   }
-  if (messages != 8) return printf("%s: %d messages, 8 expected\n", UNIT_NAME, messages), 1;
+  if (messages != 10) return printf("%s: %d messages, 10 expected\n", UNIT_NAME, messages), 1;
   return 0;
 }

@@ -24,6 +24,9 @@ EXCITATION = {
     "motor_bldc": {"set_value": (1.0, 3.0, 20.0), "tau": (0.01, 0.02, 31.0)},
     "planetary_gear": {"phi": (0.0, 30.0, 9.0), "w": (0.0, 270.0, 9.0), "tau_s": (0.0, 2.0, 23.0)},
     "harmonic_drive": {"phi": (0.0, 30.0, 9.0), "w": (0.0, 270.0, 9.0), "tau_s": (0.0, 2.0, 23.0)},
+    "cycloidal_drive": {"phi": (0.0, 30.0, 9.0), "w": (0.0, 270.0, 9.0), "tau_s": (0.0, 2.0, 23.0)},
+    "series_elastic": {"phi_o": (0.01, 0.04, 20.0), "phi_p": (0.004, 0.03, 33.0), "w_o": (0.1, 0.2, 20.0)},
+    "link": {"tau_s": (0.3, 2.0, 15.0), "tau_h": (0.1, 0.1, 7.0)},
     "torque_sensor": {"phi_o": (0.01, 0.004, 20.0), "phi_p": (0.004, 0.003, 33.0), "w_o": (0.1, 0.2, 20.0)},
     "mr_brake_belt": {"tau_s": (0.3, 2.0, 15.0), "i_b": (0.3, 0.3, 11.0), "tau_h": (0.1, 0.1, 7.0)},
     "acquisition": {"i_motor": (0.1, 1.0, 20.0), "w_motor": (100.0, 50.0, 9.0), "tau_sensor": (1.0, 2.0, 31.0)},
@@ -104,7 +107,7 @@ def test_choices_are_integers_whose_values_are_named_in_their_descriptions(load:
     unit = load(name)
     assert "Enumeration" not in {v.type for v in unit.variables.values()}
     table = (Path(__file__).parents[2] / "fmus" / name / "model.def").read_text(encoding="utf-8")
-    assert bool(unit.named_values) == ("CHOICE(" in table)
+    assert bool(unit.named_values) == ("CHOICE(" in table or "FRICTION_STICKS" in table)
     for variable, values in unit.named_values.items():
         v = unit.variables[variable]
         assert (v.type, int(v.min), int(v.max)) == ("Integer", 1, len(values))

@@ -91,6 +91,34 @@ def harmonic(p: Point) -> list[float]:
     ]
 
 
+def cycloidal(p: Point) -> list[float]:
+    delta, w, w_o, n = p["delta"], p["w"], p["w_o"], p["angle_error.n"]
+    share = 1 / p["ratio.N"] + p["angle_error.A"] * n * np.cos(n * p["phi"] + p["angle_error.phi_0"])
+    soft = p["mesh.T_1"] / p["mesh.K_1"]
+    spring = p["mesh.K_1"] * min(abs(delta), soft) + p["mesh.K_2"] * max(0.0, abs(delta) - soft)
+    return [
+        (p["tau"] + p["tau_add"]) * w,
+        (p["tau_o_add"] - p["tau_s"]) * w_o,
+        -p["output.J_o"] * w_o * p.rates["w_o"],
+        -np.sign(delta) * spring * (w * share - w_o),
+        -bristles(p),
+    ]
+
+
+def elastic(p: Point) -> list[float]:
+    e = p["phi_o"] - p["phi_p"]
+    stop = p["stop.c_stop"] * max(0.0, abs(e) - p["stop.e_max"]) * np.sign(e)
+    spring = p["spring.c"] * e * (1 + p["spring.h"] * e**2) + stop
+    return [p["tau_s"] * p["w_o"], -p["tau_s"] * p["w_p"], -spring * (p["w_o"] - p["w_p"])]
+
+
+def link(p: Point) -> list[float]:
+    w, e = p["w_p"], max(0.0, p["phi_p"] - p["wall.phi_c"])
+    J = p["arm.J_l"] + p["arm.m"] * p["arm.r"] ** 2
+    weight = p["arm.m"] * p["arm.g"] * p["arm.r"] * np.sin(p["phi_p"] + p["arm.phi_0"])
+    return [(p["tau_s"] + p["tau_add"]) * w, -J * w * p.rates["w_p"], -weight * w, -p["wall.k"] * e * w, -bristles(p)]
+
+
 def sensor(p: Point) -> list[float]:
     c = 1 / (1 / p["shaft.c_s"] + p["shaft.s_o"] + p["shaft.s_p"])
     apart = p["w_o"] - p["w_p"]
@@ -128,13 +156,17 @@ BALANCE = {
     "motor_bldc": motor,
     "planetary_gear": gear,
     "harmonic_drive": harmonic,
+    "cycloidal_drive": cycloidal,
     "torque_sensor": sensor,
+    "series_elastic": elastic,
+    "link": link,
     "mr_brake_belt": brake,
     "driven_load": load,
 }
 FIXED: dict[str, Values] = {
     "planetary_gear": {"ratio.from": 1},
     "harmonic_drive": {"ratio.from": 1},
+    "cycloidal_drive": {"ratio.from": 1},
 }  # teeth only make other ratios
 
 

@@ -1,4 +1,4 @@
-"""Wrong calls: an error, a message that says why, and a unit that goes on as if nothing had been asked."""
+"""Wrong calls: a message that says why, and nothing changed: values are discarded, an error ends the run."""
 
 from __future__ import annotations
 
@@ -9,7 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import fmi2CoSimulation, fmi2ModelExchange
+from fmpy.fmi2 import (
+    fmi2CoSimulation,
+    fmi2Discard,
+    fmi2Error,
+    fmi2LastSuccessfulTime,
+    fmi2ModelExchange,
+    fmi2Terminated,
+)
 
 Make = Callable[..., Any]
 Call = Callable[[Any], Any]
@@ -102,6 +109,15 @@ WHILE_STEPPING: dict[str, tuple[Call, str]] = {
 }
 
 
+DISCARDED = {
+    "NaN as an input",
+    "infinity as an input",
+    "minus infinity as an input",
+    "status of a step",
+    "integer status",
+}
+
+
 def steps(slave: Any, n: int = 20) -> np.ndarray:
     rows = []
     for _ in range(n):
@@ -113,15 +129,25 @@ def steps(slave: Any, n: int = 20) -> np.ndarray:
 
 @pytest.mark.parametrize("what", WHILE_STEPPING)
 def test_wrong_call_is_refused_with_a_message_and_changes_nothing(make: Make, name: str, what: str) -> None:
+    """FMI 2.0.4, 2.1.3: values are discarded; after an error an instance goes on from a kept state only"""
     wrong, word = WHILE_STEPPING[what]
     expected = steps(make(name), 10)
     slave = make(name)
     before = steps(slave, 5)
+    state, time = slave.fmu.getFMUstate(), slave.time
     slave.log.clear()
-    with pytest.raises(FMICallException):
+    with pytest.raises(FMICallException) as refused:
         wrong(slave)
     assert any(any(part in line for part in word.split("|")) for line in slave.log), slave.log
+    assert refused.value.status == (fmi2Discard if what in DISCARDED else fmi2Error)
+    if what not in DISCARDED:
+        with pytest.raises(FMICallException) as again:
+            slave.step(1e-3)
+        assert again.value.status == fmi2Error
+        slave.fmu.setFMUstate(state)
+        slave.time = time
     np.testing.assert_array_equal(np.vstack([before, steps(slave, 5)]), expected)
+    slave.fmu.freeFMUstate(state)
 
 
 def test_list_with_one_wrong_value_sets_none_of_them(make: Make, name: str) -> None:
@@ -177,6 +203,7 @@ def test_no_step_before_the_initialization(instantiate: Make, name: str) -> None
     for wrong in (lambda: slave.fmu.doStep(0.0, 1e-3), slave.fmu.exitInitializationMode, slave.fmu.terminate):
         with pytest.raises(FMICallException):
             wrong()
+        slave.fmu.reset()
     assert all("not allowed while the unit is instantiated" in line for line in slave.log)
     slave.initialise()
     slave.step(1e-3)
@@ -190,6 +217,7 @@ def test_terminated_unit_can_be_read_and_reset_and_nothing_else(make: Make, name
     for wrong in (lambda: slave.step(1e-3), lambda: slave.set({slave.inputs()[0]: 1.0}), slave.fmu.terminate):
         with pytest.raises(FMICallException):
             wrong()
+        assert np.all(np.isfinite(slave.reals(slave.outputs())))
     slave.fmu.reset()
     slave.initialise()
     slave.step(1e-3)
@@ -279,7 +307,7 @@ def test_overflow_in_a_step_fails_cleanly_or_is_harmless(make: Make, name: str, 
         assert "fmi2DoStep" in slave.log[0]
         with pytest.raises(FMICallException):
             slave.step(1e-3)
-        assert "while the unit is failed" in slave.log[1]
+        assert "while the unit is" in slave.log[1]
         recovers(slave)
     else:
         assert np.all(np.isfinite(slave.reals(slave.outputs())))
@@ -301,9 +329,63 @@ def test_nothing_is_read_before_the_initialization(instantiate: Make, name: str)
 
 def test_failed_unit_cannot_be_terminated(make: Make) -> None:
     slave = make("mr_brake_belt")
-    slave.set({"tau_s": 1e308})
     with pytest.raises(FMICallException):
-        slave.step(1e-3)
+        slave.fmu.doStep(0.5, 1e-3)
     with pytest.raises(FMICallException):
         slave.fmu.terminate()
     recovers(slave)
+
+
+def test_step_that_cannot_be_finished_is_discarded_and_says_how_far_it_got(make: Make) -> None:
+    """FMI 2.0.4, 4.2.2 and 4.2.3: fmi2LastSuccessfulTime, fmi2Terminated; the unit may be read and terminated"""
+    slave = make("mr_brake_belt")
+    slave.step(1e-3)
+    assert not slave.fmu.getBooleanStatus(fmi2Terminated)
+    state, w = slave.fmu.getFMUstate(), slave["w_p"]
+    slave.set({"tau_s": 1e308})
+    with pytest.raises(FMICallException) as refused:
+        slave.step(1e-3)
+    assert refused.value.status == fmi2Discard
+    assert slave.fmu.getRealStatus(fmi2LastSuccessfulTime) == pytest.approx(1e-3, rel=1e-12)
+    assert slave.fmu.getBooleanStatus(fmi2Terminated)
+    assert slave["w_p"] == w
+    slave.fmu.terminate()
+    slave.fmu.setFMUstate(state)
+    slave.time = 1e-3
+    slave.step(1e-3)
+    slave.fmu.freeFMUstate(state)
+
+
+@pytest.mark.parametrize(
+    ("name", "fixed"),
+    [("motor_bldc", "rotor.J"), ("planetary_gear", "ratio.N"), ("mr_brake_belt", "belt.r"), ("driven_load", "body.m"),
+     ("acquisition", "sampling.T_s")],
+)  # fmt: skip
+def test_geometry_inertia_and_sampling_are_fixed_once_the_unit_is_initialised(
+    make: Make, name: str, fixed: str
+) -> None:
+    slave = make(name, {fixed: 2.0})
+    assert slave.unit.variables[fixed].variability == "fixed"
+    with pytest.raises(FMICallException):
+        slave.set({fixed: 1.0})
+    assert f"{fixed} is fixed once the unit is initialized" in slave.log[0]
+
+
+@pytest.mark.parametrize("categories", [[], ["logEvents"], ["logStatusError"]])
+def test_located_events_are_logged_when_their_category_is_on(make: Make, categories: list[str]) -> None:
+    """the flanks meet after half of the backlash, 0.5 deg at the output"""
+    gear = make("planetary_gear")
+    gear.fmu.setDebugLogging(True, categories)
+    gear.set({"w": 100.0, "phi": 0.0})
+    gear.slope("phi", 100.0)
+    gear.step(0.02)
+    said = [line for line in gear.log if line.startswith("the gap closes, motor ahead: ")]
+    if categories == ["logStatusError"]:
+        assert not gear.log
+    else:
+        meeting = np.radians(0.5) * 338 / 3 / 100.0
+        assert float(said[0].split(" at ")[1].split(" s")[0]) >= meeting * (1 - 1e-6)
+    gear.log.clear()
+    gear.fmu.setDebugLogging(False, ["logEvents"])
+    gear.step(0.02)
+    assert not gear.log

@@ -111,6 +111,12 @@ static void states(Sequence *s, int i) {
   }
 }
 
+static void ready(Sequence *s, int i) {
+  fmi2Reset(s->c[i]), s->time[i] = 0;
+  fmi2SetupExperiment(s->c[i], 0, 0, 0, 0, 0), fmi2EnterInitializationMode(s->c[i]),
+      fmi2ExitInitializationMode(s->c[i]);
+}
+
 static void one_call(Sequence *s) {
   int i = (int)below(s, INSTANCES);
   fmi2Component c = s->c[i];
@@ -122,7 +128,9 @@ static void one_call(Sequence *s) {
     states(s, i);
   else if (which < 19) {
     const double t = below(s, 10) ? s->time[i] : any_value(s);
-    if (fmi2DoStep(c, t, h, (int)below(s, 2)) == fmi2OK) s->time[i] += h;
+    const fmi2Status status = fmi2DoStep(c, t, h, (int)below(s, 2));
+    if (status == fmi2OK) s->time[i] += h;
+    if (status == fmi2Error && below(s, 4)) ready(s, i); /* an error stays one: else hardly a step would follow */
   } else if (which == 19) {
     const double start = below(s, 2) ? 0 : any_value(s);
     if (fmi2SetupExperiment(c, below(s, 2) == 0, fabs(any_value(s)), start, below(s, 2) == 0, any_value(s)) == fmi2OK)
@@ -143,9 +151,7 @@ static int sequence(unsigned long n) {
   for (int i = 0; i < INSTANCES; i++) {
     s.c[i] = fmi2Instantiate("fuzzed", fmi2CoSimulation, UNIT_GUID, "file:///nowhere", &CALLBACKS, 0, 0);
     if (!s.c[i]) return 1;
-    if (below(&s, 4)) /* mostly ready to step: else hardly a sequence gets there */
-      fmi2SetupExperiment(s.c[i], 0, 0, 0, 0, 0), fmi2EnterInitializationMode(s.c[i]),
-          fmi2ExitInitializationMode(s.c[i]);
+    if (below(&s, 4)) ready(&s, i); /* mostly ready to step: else hardly a sequence gets there */
   }
   for (int k = 0; k < CALLS; k++) one_call(&s);
   for (int k = 0; k < STATES; k++)

@@ -136,7 +136,8 @@ def new(
     chain: Annotated[
         str | None,
         typer.Option(
-            help="Parts in a row: loop, motor, motion, gear, harmonic, sensor, shaft, load, pendulum, screw, brake; "
+            help="Parts in a row: loop, motor, motion, gear, harmonic, cycloidal, sensor, elastic, shaft, "
+            "load, link, pendulum, screw, brake; "
             "friction."
         ),
     ] = None,

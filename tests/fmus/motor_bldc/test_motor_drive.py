@@ -32,6 +32,29 @@ def test_back_emf_that_is_not_fed_forward_acts_as_an_inertia(make: Make, share: 
     assert out["i"][-1] == pytest.approx(1 / (1 + (1 - share) * K**2 / (J * w_c * R)), rel=1e-4)
 
 
+@pytest.mark.parametrize("T_i", [0.0, 0.02])
+def test_current_reading_is_averaged_by_a_first_order_filter(make: Make, T_i: float) -> None:
+    """behind the current loop: i = i_ref (1 - exp(-w_c t)), through 1/(1 + T_i s)"""
+    start = {**CURRENT_MODE, **HELD, "set_value": 2.0, "drive.T_i": T_i}
+    out = make("motor_bldc", start, tolerance=1e-8).run(0.1, 1e-3, ["i", "i_reading"])
+    if T_i == 0:
+        np.testing.assert_array_equal(out["i_reading"], out["i"])
+        return
+    T = 1 / 6000
+    closed = 2.0 * (1 - (T_i * np.exp(-out["time"] / T_i) - T * np.exp(-out["time"] / T)) / (T_i - T))
+    np.testing.assert_allclose(out["i_reading"], closed, atol=1e-4)
+
+
+def test_current_reading_of_three_phases_is_its_average(make: Make) -> None:
+    """the commutation's ripple is gone, the mean stays"""
+    start = {"motor.level": 2, "set_value": 12.0, "tau": 0.05, "drive.T_i": 0.02}
+    motor = make("motor_bldc", start)
+    motor.run(0.5, 1e-2)
+    out = motor.run(0.52, 1.3e-5, ["i", "i_reading"])
+    assert np.std(out["i_reading"]) < 0.05 * np.std(out["i"])
+    assert np.mean(out["i_reading"]) == pytest.approx(np.mean(out["i"]), rel=0.01)
+
+
 def test_set_value_is_scaled_in_both_modes(make: Make) -> None:
     voltage = make("motor_bldc", {"set_value": 2.0, "drive.k_v": 0.7})
     assert voltage["v"] == pytest.approx(1.4)

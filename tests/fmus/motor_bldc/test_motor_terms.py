@@ -118,6 +118,27 @@ def test_self_heating_settles_where_loss_and_cooling_meet(make: Make) -> None:
     assert motor["T_w"] - 298.15 == pytest.approx(base / (1 - 3.9e-3 * base), rel=1e-4)
 
 
+def test_winding_and_housing_warm_up_as_two_bodies(make: Make) -> None:
+    """C_w dT_w/dt = P - (T_w - T_h)/R_th, C_h dT_h/dt = (T_w - T_h)/R_th - T_h/R_h: closed form by eigenvalues"""
+    R_th, R_h, T, T_h, i = 1.2, 3.2, 20.0, 300.0, 4.5
+    heat = {
+        "winding_heating.R_th": R_th,
+        "winding_heating.R_h": R_h,
+        "winding_heating.T": T,
+        "winding_heating.T_h": T_h,
+    }
+    motor = make("motor_bldc", {"drive.mode": 2, "set_value": i, **HELD, **heat}, tolerance=1e-8)
+    out = motor.run(600.0, 10.0, ["T_w"])
+    C_w, C_h, P = T / R_th, T_h / R_h, R * i**2
+    A = np.array([[-1 / (R_th * C_w), 1 / (R_th * C_w)], [1 / (R_th * C_h), -1 / (R_th * C_h) - 1 / (R_h * C_h)]])
+    settled = np.array([(R_th + R_h) * P, R_h * P])
+    rates, modes = np.linalg.eig(A)
+    share = np.linalg.solve(modes, -settled)
+    closed = settled[0] + (modes[0] * share) @ np.exp(np.outer(rates, out["time"]))
+    np.testing.assert_allclose(out["T_w"] - 298.15, closed, atol=0.01)
+    assert closed[-1] > 10
+
+
 def test_current_at_constant_voltage_sags_as_the_winding_heats(make: Make) -> None:
     start = {"set_value": 0.8, **HELD, "winding_heating.alpha": 3.9e-3, "winding_heating.T": 5.0}
     motor = make("motor_bldc", start)

@@ -125,3 +125,18 @@ def test_comprehensive_level_has_more_viscous_friction_at_low_speed(make: Make) 
         ]
         expected = -D * w * 0.3 * np.exp(-w / 150) / J
         assert rates[1] - rates[0] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("read", ["hall", "e_a"])
+def test_phases_follow_an_angle_that_is_set_again_during_the_initialization(instantiate: Make, read: str) -> None:
+    motor = instantiate("motor_bldc")
+    motor.fmu.setupExperiment()
+    motor.fmu.enterInitializationMode()
+    for phi in (0.0, 2.0, 4.0):
+        motor.set({"motor.level": SIMSCAPE, "w": 100.0, "phi": phi})
+        seen = motor[read]
+        assert seen == make_fresh(instantiate, phi)[read]
+
+
+def make_fresh(instantiate: Make, phi: float) -> Any:
+    return instantiate("motor_bldc").initialise({"motor.level": SIMSCAPE, "w": 100.0, "phi": phi})

@@ -81,13 +81,12 @@ def test_power_is_lost_in_both_directions(make: Make) -> None:
 
 def test_backlash_loses_one_degree_of_motion_at_the_output(make: Make) -> None:
     """there and back, slowly, against a damped load: between pushing forwards and pushing backwards lies the gap"""
-    gear = make("planetary_gear", FRICTIONLESS)
+    gear = make("planetary_gear", {**FRICTIONLESS, "output.J_o": 1e-2})
     w = 20.0
 
     def angle(t: float) -> float:
         return w * t if t < 1 else w * (2 - t)
 
-    gear.set({"output.J_o": 1e-2})
     pushing: list[tuple[float, float]] = []
     for k in range(2000):
         t = k * 1e-3

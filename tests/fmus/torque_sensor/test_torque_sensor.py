@@ -86,6 +86,16 @@ def test_low_pass_is_a_first_order_lag(make: Make) -> None:
     np.testing.assert_allclose(out["tau_reading"], 5 * (1 - np.exp(-out["time"] / 0.02)), atol=1e-4)
 
 
+def test_low_pass_lets_no_high_frequency_around_it(make: Make) -> None:
+    """5 kHz through 1 ms: 1/sqrt(1 + (omega T)^2) = 0.032"""
+    T, omega = 1e-3, 2 * np.pi * 5e3
+    signal = {"phi_o": lambda t: np.sin(omega * t) / C_S}
+    out = make("torque_sensor", {"low_pass.T": T}).run(0.012, 4e-6, ["tau_reading", "tau_s"], signal)
+    settled = out["time"] > 0.01
+    gain = np.ptp(out["tau_reading"][settled]) / np.ptp(out["tau_s"][settled])
+    assert gain == pytest.approx(1 / np.sqrt(1 + (omega * T) ** 2), rel=0.01)
+
+
 def test_low_pass_matches_a_digital_filter_at_the_loggers_rate(make: Make) -> None:
     """y_k = y_(k-1) + a (x_k - y_(k-1)), a = 1 - exp(-T_s/T)"""
     T, T_s = 0.03, 1e-3

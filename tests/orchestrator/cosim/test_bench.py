@@ -123,3 +123,21 @@ def test_of_what_only_listens_nothing_comes_back(engine: str) -> None:
         assert simulation.counters == quiet
     assert alone.signals["i_motor"].tobytes() == among.signals["i_motor"].tobytes()
     assert np.ptp(among.signals["acquisition.y_a"]) > 0
+
+
+def test_the_bench_is_recorded_with_12_bits_averaged_current_and_the_encoders_speed() -> None:
+    """Every reading is one of the converter's, 10/4096 V; the current's mean is that of the instant value."""
+    names = ["i_motor", "w_motor", "y_a", "v_set", "motor_bldc.i"]
+    t = np.array([0.0, 0.5, 1.5])
+    ramp = Inputs(t, {"v_command": np.array([0.0, 6.0, 6.0])})
+    signals = simulate(load_system("joint_no_load_recorded"), Experiment(ramp, 1.5, record=names)).signals
+    per_volt = {"i_motor": 1.0, "w_motor": 4 / (6000 * 2 * np.pi / 60), "y_a": 1.0, "v_set": 0.5}
+    for name, k in per_volt.items():
+        steps = k * signals[name] / (10 / 4096)
+        np.testing.assert_allclose(steps, np.round(steps), atol=1e-6, err_msg=name)
+        assert np.ptp(signals[name]) > 0, name
+    late = signals["motor_bldc.i"][800:]  # behind the ramp's end
+    filtered = signals["i_motor"][800:]
+    assert np.std(filtered) < np.std(late) or np.std(late) < 10 / 4096
+    assert np.mean(filtered) == pytest.approx(np.mean(late), abs=2 * 10 / 4096)
+    assert signals["w_motor"][-1] == pytest.approx(6 / 0.0232, rel=0.05)

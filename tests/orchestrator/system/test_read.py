@@ -142,15 +142,20 @@ def test_model_exchange_alone_is_refused(make_fmu: Make, make_system: Make) -> N
         load_system(make_system('<ssd:Component name="a" source="a.fmu"/>'))
 
 
-@pytest.mark.parametrize("name", ["joint", "joint_no_load", "joint_logged", "joint_no_load_logged"])
+SHIPPED = [f"joint{load}{seen}" for load in ("", "_no_load") for seen in ("", "_logged", "_recorded")]
+
+
+@pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_system_loads_with_the_benchs_connectors(name: str) -> None:
     system = load_system(name)
     outputs = ["i_motor", "w_motor", "phi_motor", "tau_gear"]
     if "no_load" not in name:
         outputs += ["tau_sensor", "w_pulley", "phi_pulley", "w_brake", "tau_belt"]
+    if name.endswith("recorded"):
+        outputs += ["y_a", "y_b", "y_c", "v_set"]
     assert list(system.outputs) == outputs
     assert list(system.inputs) == (["v_command"] if "no_load" in name else ["v_command", "i_brake", "tau_hold"])
-    assert ("acquisition" in [c.name for c in system.components]) == name.endswith("logged")
+    assert ("acquisition" in [c.name for c in system.components]) == name.endswith(("logged", "recorded"))
     assert all(c.factor == 1 and c.offset == 0 for c in system.connections)
 
 

@@ -74,6 +74,18 @@ PARTS: dict[str, Part] = {
                     "friction.tau_C", "friction.d"),
         fits={"flex_spline.K_1": "30 %", "load_friction.mu": "30 %"} | FRICTION,
     ),
+    "cycloidal": Part(
+        "cycloidal_drive", "cycloidal drive", before=("phi", "w", "tau"), after=("phi_o", "w_o", "tau_s"),
+        moves=("after",),
+        data_sheet=("ratio.N", "mesh.K_1", "mesh.K_2", "mesh.T_1", "eccentric.J_coupled", "load_friction.mu",
+                    "output.J_o", "friction.tau_C", "friction.d"),
+        fits={"mesh.K_2": "30 %", "load_friction.mu": "30 %"} | FRICTION,
+    ),
+    "elastic": Part(
+        "series_elastic", "series elastic element", before=("phi_o", "w_o", "tau_s"), after=("phi_p", "w_p", "tau_s"),
+        data_sheet=("spring.c", "spring.d", "stop.e_max", "reading.c_r"),
+        shows={"tau_sensor": ("tau_reading", "torque read from the deflection")}, fits={"spring.c": "10 %"},
+    ),
     "sensor": Part(
         "torque_sensor", "torque sensor", before=("phi_o", "w_o", "tau_s"), after=("phi_p", "w_p", "tau_s"),
         data_sheet=("shaft.c_s", "shaft.d_s", "amplifier.tau_rated"),
@@ -86,6 +98,12 @@ PARTS: dict[str, Part] = {
     "load": Part(
         "driven_load", "turning load", before=("phi", "w", "tau"), moves=("before",), data_sheet=BODY,
         shows={"w_load": ("w", "speed of the load")}, fits={"body.J": "10 %"} | FRICTION,
+    ),
+    "link": Part(
+        "link", "link of a robot", before=("phi_p", "w_p", "tau_s"), moves=("before",),
+        data_sheet=("arm.J_l", "arm.m", "arm.r", "friction.tau_C", "friction.d"),
+        shows={"phi_link": ("phi_p", "angle of the link"), "w_link": ("w_p", "speed of the link")},
+        fits={"arm.m": "5 %", "arm.r": "5 %"} | FRICTION,
     ),
     "pendulum": Part(
         "driven_load", "pendulum", before=("phi", "w", "tau"), moves=("before",),

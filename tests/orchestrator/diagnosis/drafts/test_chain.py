@@ -27,6 +27,7 @@ def made(folder: Path, names: str, **sheet: str) -> Chain:
         ("motor", ["v_command"], ["i_motor", "w_motor"]),
         ("motor,gear,sensor,load", ["v_command"], ["i_motor", "w_motor", "tau_sensor", "w_load"]),
         ("motor,harmonic,sensor,load", ["v_command"], ["i_motor", "w_motor", "tau_sensor", "w_load"]),
+        ("motor,cycloidal,elastic,link", ["v_command"], ["i_motor", "w_motor", "tau_sensor", "phi_link", "w_link"]),
         ("motor,gear,sensor,brake", ["v_command", "i_brake"], ["i_motor", "w_motor", "tau_sensor"]),
         ("loop,motor,load", ["phi_command"], ["v_command", "i_motor", "w_motor", "w_load"]),
         ("motor,screw", ["v_command"], ["i_motor", "w_motor", "s"]),

@@ -42,7 +42,7 @@ ROOMS = [
     "diagnosis/report",
     "diagnosis/engine.py diagnosis/frequency.py",
     "diagnosis/evaluation",
-    "diagnosis/basis.py diagnosis/run.py diagnosis/frequency_run.py",
+    "diagnosis/basis.py diagnosis/provenance.py diagnosis/run.py diagnosis/frequency_run.py",
     "diagnosis/__init__.py diagnosis/own_bench.py diagnosis/commands.py",
     "live",
     "api.py",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from cobot_joint.diagnosis.basis import of_response
 from cobot_joint.diagnosis.data.parameters import with_values
 from cobot_joint.diagnosis.frequency import Progress, Reading, Response, diagnose_response, load_response
 from cobot_joint.diagnosis.plant.frequency_plant import CHANNEL
+from cobot_joint.diagnosis.provenance import provenance
 from cobot_joint.diagnosis.repair.export import write_repair
 from cobot_joint.diagnosis.repair.verify import write_json
 from cobot_joint.diagnosis.report.headline import verdict_sentence
@@ -24,7 +26,6 @@ from cobot_joint.diagnosis.store import Store
 from cobot_joint.results.figures import Curve, Panel, Picture
 from cobot_joint.results.files import write_csv
 from cobot_joint.results.png import write_png
-from cobot_joint.version import __version__
 
 Vector = NDArray[np.float64]
 X_LABEL = "omega [rad/s]"
@@ -46,7 +47,9 @@ def diagnose_response_campaign(path: Path, out: Path, *, progress: Progress | No
         }
     }  # fmt: skip
     content = spoken(diagnosis.to_json()) | {"readings": [_reading(r, response) for r in readings]}
-    content["provenance"] = _provenance(response)
+    content["provenance"] = provenance(
+        response.path, response.given.title, {"default": response.system}, parameters=response.given.parameters
+    )
     texts = term_texts(systems)
     panels, others = _amplitudes(response, best), _every_reading(response, readings)
     data = ReportData(
@@ -59,6 +62,7 @@ def diagnose_response_campaign(path: Path, out: Path, *, progress: Progress | No
         terms=texts,
         tried=[(c.term, c.gain) for c in best.ranking][:TRIED],
         provenance=content["provenance"],
+        created=date.today(),
         system=response.system,
         own_pictures=[
             of_panels(panels, X_LABEL, "Before and after", "Amplitudes, and what is left of them."),
@@ -92,11 +96,6 @@ def _reading(reading: Reading, response: Response) -> dict[str, Any]:
         "values": dict(values),
         "ranking": [{"term": c.term, "gain": c.gain} for c in reading.ranking[:6]],
     }
-
-
-def _provenance(response: Response) -> dict[str, str]:
-    units = ", ".join(f"{c.name} {c.unit.description.guid}" for c in response.system.components)
-    return {"tool": f"cobot-joint {__version__}", "campaign": response.given.title, "units": units}
 
 
 def _simulated(response: Response, best: Reading) -> dict[str, Vector]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from cobot_joint.diagnosis.basis import of_campaign
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.conditioning import ChannelQuality, condition
 from cobot_joint.diagnosis.findings import Diagnosis
+from cobot_joint.diagnosis.provenance import components, provenance
 from cobot_joint.diagnosis.repair.compare import Comparison, channel_figures
 from cobot_joint.diagnosis.repair.discrepancy import DISCREPANCY
 from cobot_joint.diagnosis.repair.gate import judged
@@ -28,7 +30,6 @@ from cobot_joint.diagnosis.store import Store
 from cobot_joint.errors import UserError, among
 from cobot_joint.files import relative, write_atomically
 from cobot_joint.system.model import System
-from cobot_joint.version import __version__
 
 TRIED = 8  # candidates that a report lists
 Progress = Callable[[str], None]  # what is being done, in words
@@ -53,6 +54,7 @@ def diagnose_campaign(
     """
     say = progress or (lambda words: None)
     systems = campaign.systems()
+    source = provenance(campaign.path, campaign.title, systems, parameters=campaign.parameters, baseline=baseline)
     store = Store(out / ".work", of_campaign(campaign, systems))
     diagnosis = engine(baseline)(campaign, progress=progress, store=store)
     say("repairing")
@@ -80,11 +82,12 @@ def diagnose_campaign(
         bounds={name: t.bounds(nominal[name]) for name, t in campaign.tolerances.items() if name in nominal},
         terms=texts,
         tried=[(c.term, c.gain) for c in (diagnosis.ranking[0] if diagnosis.ranking else [])][:TRIED],
-        provenance=provenance(campaign, systems, baseline),
+        provenance=source,
+        created=date.today(),
         system=fullest(systems),
     )
     write_report(out / "report.html", data)
-    write_json(out / "diagnosis.json", content | {"provenance": dict(data.provenance)})
+    write_json(out / "diagnosis.json", content | {"provenance": source})
     store.clear()
     files = [out / name for name in ("diagnosis.json", "report.html", "repaired.ssp", "fmus")]
     return Outcome(verdict_sentence(content, texts), content, units_of(campaign), files)
@@ -141,11 +144,6 @@ def channels(compared: Sequence[Comparison], quality: Mapping[str, ChannelQualit
     return content
 
 
-def components(systems: Mapping[str, System]) -> list[Any]:
-    """Of all set-ups, each once."""
-    return list({c.name: c for system in systems.values() for c in system.components}.values())
-
-
 def term_texts(systems: Mapping[str, System]) -> dict[str, TermText]:
     """`component.term` -> what its unit says of it"""
     return {
@@ -184,12 +182,3 @@ def nominal_values(systems: Mapping[str, System], names: Sequence[str]) -> dict[
 def units_of(campaign: Campaign) -> dict[str, str]:
     """Channel -> unit"""
     return {name: unit for recording in campaign.recordings for name, unit in recording.units.items()}
-
-
-def provenance(campaign: Campaign, systems: Mapping[str, System], baseline: str | None) -> dict[str, str]:
-    """Where an answer comes from; nothing of the machine."""
-    return {
-        "tool": f"cobot-joint {__version__}" + (f", baseline {baseline}" if baseline else ""),
-        "campaign": f"{campaign.title}: {', '.join(r.name for r in campaign.recordings)}",
-        "units": ", ".join(f"{c.name} {c.unit.description.guid}" for c in components(systems)),
-    } | ({"parameters": ", ".join(f"{n} = {x}" for n, x in campaign.parameters.items())} if campaign.parameters else {})

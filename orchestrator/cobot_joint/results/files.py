@@ -40,6 +40,12 @@ def columns_of(system: System) -> dict[str, str | None]:
     return {"time": "s"} | {name: system.unit_of(name) for name in system.recorded}
 
 
+def versions() -> dict[str, str]:
+    """Of the program and what its figures depend on."""
+    libraries = {name: version(name) for name in ("fmpy", "numpy", "pyarrow")}
+    return {"cobot-joint": __version__, "python": platform.python_version(), **libraries}
+
+
 def provenance(system: System | None, **more: Any) -> dict[str, Any]:
     """Where figures come from: versions, the FMUs and every parameter that was set, and what else the caller knows.
 
@@ -48,11 +54,7 @@ def provenance(system: System | None, **more: Any) -> dict[str, Any]:
     components = system.components if system else ()
     return {
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "versions": {
-            "cobot-joint": __version__,
-            "python": platform.python_version(),
-            **{name: version(name) for name in ("fmpy", "numpy", "pyarrow")},
-        },
+        "versions": versions(),
         "system": system.name if system else None,
         "fmus": {
             c.name: {"file": c.unit.path.name, "guid": c.unit.description.guid, "version": c.unit.description.version}

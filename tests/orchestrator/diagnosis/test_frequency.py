@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from pathlib import Path
 
@@ -134,3 +135,6 @@ def test_the_report_of_a_frequency_response_stands_alone_and_begins_like_any_oth
         "planetary_gear"
     ] * 2
     assert "have not been counted" in page.text_content()
+    table = load_response(campaign).recording.path
+    digest = hashlib.sha256(table.read_bytes()).hexdigest()[:12]
+    assert outcome.diagnosis["provenance"]["recordings"].endswith(f"{table.name} (SHA-256 {digest})")

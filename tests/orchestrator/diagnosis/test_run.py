@@ -5,7 +5,9 @@ The engine is replaced by one that knows what a made-up bench conceals, so that 
 
 from __future__ import annotations
 
+import hashlib
 import json
+import shutil
 import subprocess
 import sys
 import time
@@ -28,6 +30,7 @@ from cobot_joint.diagnosis.evaluation.baselines import DiscrepancyDiagnosis
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.plant.correction import Factor, Product
 from cobot_joint.diagnosis.plant.simulator import Simulator
+from cobot_joint.diagnosis.provenance import provenance
 from cobot_joint.diagnosis.repair.discrepancy import Discrepancy, Process
 from cobot_joint.diagnosis.repair.export import repaired_system
 from cobot_joint.diagnosis.repair.verify import verify
@@ -35,6 +38,7 @@ from cobot_joint.diagnosis.store import Store
 from cobot_joint.errors import UserError
 from cobot_joint.system.read import load_system
 from cobot_joint.system.write import write_ssp
+from cobot_joint.version import __version__
 
 R, A, ONSET = 0.215, 2e-3, 1.0
 CONCEALED = {"motor_bldc.winding.R": R, "motor_bldc.cogging.A": A}
@@ -146,10 +150,29 @@ def test_the_files_of_a_diagnosis_are_there_and_agree(
         assert content["channels"]["w_motor"][role]["calibrated"] > 1.1 * NOISE["w_motor"]
     assert "cogging" in outcome.sentence
     assert "Concealed cogging" in (tmp_path / "report.html").read_text()
+    assert content["provenance"] == provenance(
+        campaign_file, "Concealed cogging", load_campaign(campaign_file).systems()
+    )
     verified = verify(tmp_path, load_campaign(campaign_file))
     for name, channel in verified["channels"].items():
         for variant in ("nominal", "calibrated", "repaired"):
             assert channel[variant] == pytest.approx(content["channels"][name]["holdout"][variant])
+
+
+def test_an_answer_says_which_files_and_versions_it_comes_from(campaign_file: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "moved"
+    shutil.copytree(campaign_file.parent, folder)
+    campaign = load_campaign(folder)
+    said = provenance(campaign.path, campaign.title, campaign.systems())
+    read = {name: folder / name for name in ("noload.parquet", "load.parquet", "later.parquet")}
+    read |= {path.name: path for path in campaign.setups.values()} | {"campaign.toml": campaign.path}
+    text = " ".join(said.values())
+    for name, file in read.items():
+        assert f"{name} (SHA-256 {hashlib.sha256(file.read_bytes()).hexdigest()[:12]})" in text
+    assert said["tool"] == f"cobot-joint {__version__}"
+    assert f"numpy {np.__version__}" in said["versions"]
+    assert str(tmp_path) not in text
+    assert said == provenance(campaign_file, campaign.title, campaign.systems())
 
 
 @pytest.fixture

@@ -191,6 +191,13 @@ def holdouts(path: Path) -> list[Path]:
     return [file for file, entry in recording_files(path, given) if entry.role == "holdout" and file.is_file()]
 
 
+def files_of(path: Path) -> list[Path]:
+    """Recordings of a campaign that are there, each once, the published held-out one among them."""
+    given = read_campaign_file(path)
+    _join_published_holdout(path, given)
+    return list(dict.fromkeys(file for file, _ in recording_files(path, given) if file.is_file()))
+
+
 def missing_recordings(path: Path) -> list[Path]:
     """Recordings that a campaign names and that are not there."""
     return [file for file, _ in recording_files(path, read_campaign_file(path)) if not file.is_file()]

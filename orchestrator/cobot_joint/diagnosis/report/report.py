@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,7 @@ class ReportData:
     terms: Mapping[str, TermText] = field(default_factory=dict)  # component.term -> its texts
     tried: Sequence[tuple[str, float]] = ()  # term, chi-square that it alone would take away; the best first
     provenance: Mapping[str, str] = field(default_factory=dict)
+    created: date | None = None
     system: System | None = None  # that of the fullest set-up, to be drawn
     own_pictures: Sequence[Picture] = ()  # of what is no run over time; the first says most
 
@@ -87,6 +89,7 @@ def render(data: ReportData) -> str:
         recordings=[_recording(c) for c in data.compared],
         quality=[(name, data.units.get(name, ""), q) for name, q in data.quality.items()],
         provenance=data.provenance,
+        made=" · ".join(filter(None, (data.created.isoformat() if data.created else "", data.provenance.get("tool")))),
     )
 
 

@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 from dataclasses import replace
+from datetime import date
 from pathlib import Path
 from typing import get_args
 
@@ -142,6 +143,16 @@ def test_the_report_loads_nothing_from_elsewhere(tmp_path: Path) -> None:
     assert not root.xpath("//*[@src]")
     assert not root.xpath("//link")
     assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_the_head_of_the_report_has_its_date_and_version_and_leads_to_its_files() -> None:
+    facts = {"tool": "cobot-joint 1.2.3", "recordings": "a.csv (SHA-256 0123456789ab)"}
+    made = replace(data("explained", [FINDING]), created=date(2026, 3, 1), provenance=facts)
+    (head,) = html.fromstring(render(made)).iter("header")
+    assert "2026-03-01 · cobot-joint 1.2.3" in head.text_content()
+    (link,) = head.iter("a")
+    (place,) = html.fromstring(render(made)).xpath(f"//*[@id='{link.get('href')[1:]}']")
+    assert "a.csv (SHA-256 0123456789ab)" in place.text_content()
 
 
 def test_words_of_a_campaign_are_text_and_never_markup() -> None:

@@ -146,12 +146,12 @@ fmi2Status fmi2GetStatus(fmi2Component component, const fmi2StatusKind kind, fmi
 }
 STATUS(Integer)
 STATUS(String)
-/* whether the unit wants no more steps: it could not reach the end of the last one */
+/* a unit never wants a simulation to end: a step that it could not finish is the master's to judge */
 fmi2Status fmi2GetBooleanStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Boolean *value) {
   NEEDS(ANY);
   NEEDS_POINTER(value);
   if (kind != fmi2Terminated) DISCARD(c, "fmi2GetBooleanStatus: status %d; there is fmi2Terminated", (int)kind);
-  *value = c->phase == STOPPED_SHORT;
+  *value = fmi2False;
   return fmi2OK;
 }
 fmi2Status fmi2GetRealStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Real *value) {

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from cobot_joint.cosim import Experiment, Simulation, SimulationError, simulate
+from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.plant.simulator import run_beside
 from cobot_joint.errors import UserError
 from cobot_joint.system import Connection, Inputs, System
 
@@ -125,6 +127,16 @@ def test_results_end_where_a_unit_asks_to_stop(
     np.testing.assert_allclose(result.time, [0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
     np.testing.assert_array_equal(result["y"], whole["y"][:6])
     np.testing.assert_array_equal(np.concatenate([piece["y"] for piece in pieces]), result["y"])
+
+
+def test_beside_a_recording_a_run_that_ends_early_is_a_failure(make_gain: MakeSystem) -> None:
+    time = np.arange(0.0, 1.05, 0.1)
+    recording = Recording("run", "train", "default", time, {"u": time}, {"y": time}, {})
+    with (
+        Simulation(make_gain(fail_at=0.5, fail_as=4)) as simulation,
+        pytest.raises(SimulationError, match=r"amplifier ends at 0\.5 s of 1 s"),
+    ):
+        run_beside(simulation, recording, {}, record=["y"])
 
 
 @pytest.mark.parametrize("engine", ["native", "reference"])

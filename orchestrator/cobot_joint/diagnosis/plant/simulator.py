@@ -8,7 +8,7 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.cosim import Experiment, Simulation
+from cobot_joint.cosim import Experiment, Simulation, SimulationError
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import Inputs, System, Value
@@ -44,6 +44,8 @@ def run_beside(
             record=record,
         )
     )
+    if len(result.time) < len(time):
+        raise SimulationError(f"{simulation.system.name} ends at {result.time[-1]:.6g} s of {time[-1]:.6g} s")
     return dict(result.signals)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.repair.gate import removed
 from cobot_joint.diagnosis.report.words import load_history
 from cobot_joint.diagnosis.selection.confidence import counted
@@ -54,7 +55,10 @@ def verdict_sentence(d: Json, terms: Mapping[str, TermText]) -> str:
     tail = (
         "" if better is None else f"; modelling it removes {percent(better[0])} of the error above the noise{better[1]}"
     )
-    return f"The model lacks {' and '.join(parts + others)}{tail}."
+    said = " and ".join(parts + others)
+    if max(f.get("confidence") or 0.0 for f in findings) < thresholds.EVEN:
+        return f"No name is more likely right than wrong; nearest comes {said}{tail}."
+    return f"The model lacks {said}{tail}."
 
 
 def _suspects(findings: Sequence[Json], terms: Mapping[str, TermText]) -> str:

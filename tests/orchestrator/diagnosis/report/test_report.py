@@ -95,6 +95,11 @@ def words(text: str) -> str:
             "The model lacks Stribeck friction in planetary_gear (97 % sure); modelling it removes 100 % of",
         ),
         ("unlisted", [UNLISTED], "lacks an effect that is on no list, at mr_brake_belt (97 % sure)"),
+        (
+            "explained",
+            [FINDING | {"confidence": 0.3}],
+            "No name is more likely right than wrong; nearest comes Stribeck friction in planetary_gear (30 % sure)",
+        ),
         ("undecided", [], "no explanation stands out"),
     ],
 )

@@ -15,8 +15,9 @@ def line(case: str, answer: dict[str, Any]) -> str:
         also = f" (or {', '.join(f['equivalent'])})" if f["equivalent"] else ""
         since = "" if f["onset"] is None else f", from {f['onset']:.2f} s"
         said.append(f"{f['term']}{also}, {100 * f['confidence']:.0f} %{since}")
-    before, after = answer["structure"]["calibrated"], answer["structure"]["repaired"]
-    return f"| {case} | {answer['verdict']} | {'; '.join(said) or '-'} | {before:.0f} | {after:.0f} |"
+    above = answer["structure"]  # nothing where the recorded motion decided
+    before, after = (f"{above[which]:.0f}" if above else "-" for which in ("calibrated", "repaired"))
+    return f"| {case} | {answer['verdict']} | {'; '.join(said) or '-'} | {before} | {after} |"
 
 
 def main(folder: Path) -> None:

@@ -112,7 +112,7 @@ class Finding:
     gain: float  # evidence: chi-square that it takes away, corrected for the noise's colour
     shape: Form | None = None  # of an effect that is on no list
     load_history: LoadHistory | None = None
-    ground: Ground = "recorded motion"
+    ground: Ground = "term not counted"
 
     @property
     def component(self) -> str:

@@ -40,4 +40,5 @@ def _finding(named: Named, repaired: Mapping[str, Estimate]) -> Finding:
         parameters={name: repaired[name] for name in named.candidate.values if name in repaired},
         where=dict(named.where),
         gain=2 * named.evidence,
+        ground="recorded motion",
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.answer import diagnosis as anchored_diagnosis
-from cobot_joint.diagnosis.anchored.follow import follow
+from cobot_joint.diagnosis.anchored.follow import can_follow, follow
 from cobot_joint.diagnosis.anchored.search import Search
 from cobot_joint.diagnosis.candidates.scan_ranges import driven
 from cobot_joint.diagnosis.candidates.score_test import Scan
@@ -19,6 +19,7 @@ from cobot_joint.diagnosis.data.conditioning import condition
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit
+from cobot_joint.diagnosis.estimation.multiscale import out_of_local_minimum
 from cobot_joint.diagnosis.estimation.problem import Noise, Problem
 from cobot_joint.diagnosis.experiments.discriminate import advise
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding, Ground, Verdict
@@ -91,11 +92,17 @@ def calibrate(campaign: Campaign, plant: Plant, say: Progress, store: Store) -> 
     bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
     say("re-fitting the base model inside its tolerances")
     base = Hypothesis(tolerances(problem, bounds))
-    calibrated = store.remember("calibrated", told(campaign), lambda: fit(problem, base, precision=CALIBRATION))
+    calibrated = store.remember("calibrated", told(campaign), lambda: refit(problem, base))
     if calibrated is None:
         problem.outputs(base.run(base.start()))  # raises: which unit, which call, and why
         raise RuntimeError("the system cannot be simulated with its nominal parameters on these recordings")
     return problem, calibrated
+
+
+def refit(problem: Problem, base: Hypothesis) -> Fit | None:
+    """The base model at its best point. None: its nominal one cannot be simulated."""
+    found = fit(problem, base, precision=CALIBRATION)
+    return out_of_local_minimum(problem, found, CALIBRATION) if found is not None else None
 
 
 def told(campaign: Campaign) -> tuple[object, ...]:
@@ -156,21 +163,29 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
         return Explanation(calibrated, kept.fit, listed, kept.selected)
     if loads := look_for_external_loads(problem, listed, beside.select, say):
         return Explanation(calibrated, loads.fit, listed, loads.selected, loads)
-    found = None if _takes_most(problem, listed) else _along_the_motion(campaign, problem, listed, say, store)
-    return _beyond_the_list(problem, listed, found, say)
+    return _beyond_the_list(campaign, problem, listed, say, store)
 
 
-def _beyond_the_list(problem: Problem, listed: Selection, found: Search | None, say: Progress) -> Explanation:
-    """What listed terms leave: to the recorded motion, to a formula, or to nothing."""
+def _beyond_the_list(
+    campaign: Campaign, problem: Problem, listed: Selection, say: Progress, store: Store
+) -> Explanation:
+    """What listed terms leave: to a formula that leaves nothing, to the recorded motion, to a formula, or to nothing.
+
+    Beside a background a formula has to promise as much as listed terms take, and most of it.
+    """
     calibrated = listed.history[0]
     left, before = problem.excess(listed.fit.residual), problem.excess(calibrated.residual)
+    takes_most, follows = _takes_most(problem, listed), can_follow(campaign, problem.plant)
+    background = takes_most or follows
+    least = max(thresholds.ALONE, 1 - left / max(before, 1e-9)) if background else 0.0
+    unmodelled = look_for_unmodelled(problem, calibrated, listed, say, least)
+    if unmodelled and (not background or _leaves_nothing(problem, unmodelled)):
+        return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
+    found = _along_the_motion(campaign, problem, listed, say, store) if follows and not takes_most else None
     stands = listed.selected if left < thresholds.REMAINDER * before else []
     if found and stands and found.supports(stands[0].term):
         return Explanation(calibrated, listed.fit, listed, stands, anchored=found)
-    background = found is not None or _takes_most(problem, listed)
-    least = max(thresholds.ALONE, 1 - left / max(before, 1e-9)) if background else 0.0
-    unmodelled = look_for_unmodelled(problem, calibrated, listed, say, least)
-    if unmodelled and (not background or _believed(problem, listed, found, unmodelled)):
+    if unmodelled and unmodelled.taken > thresholds.ENOUGH and not (takes_most or (found and found.claims)):
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
     if found and (found.named or not stands):
         return Explanation(calibrated, listed.fit, listed, [], anchored=found)
@@ -180,16 +195,20 @@ def _beyond_the_list(problem: Problem, listed: Selection, found: Search | None, 
 
 def _takes_most(problem: Problem, listed: Selection) -> bool:
     """Whether a listed term takes so much that, though more than noise is left, it is more likely right than not."""
-    return max(map(beside_background, listed.taken(problem).values()), default=0.0) >= thresholds.EVEN
+    return max(sure_beside_background(problem, listed).values(), default=0.0) >= thresholds.EVEN
 
 
-def _believed(problem: Problem, listed: Selection, found: Search | None, unmodelled: Unmodelled) -> bool:
-    """Whether a formula stands beside a background, which a formula follows as well: where it leaves nothing, or next
-    to nothing and no term is a claim."""
-    if problem.excess(unmodelled.fit.residual) < thresholds.UNDECIDED * problem.excess_scatter:
-        return True
-    claims = _takes_most(problem, listed) or (found is not None and found.claims)
-    return unmodelled.taken > thresholds.ENOUGH and not claims
+def sure_beside_background(problem: Problem, selection: Selection) -> dict[str, float]:
+    """Term -> confidence by the share that it takes. What comes and goes at times of its own follows a background too,
+    and must take as much as load pulses must."""
+    episodes = {term.name for term in problem.plant.terms if term.episode}
+    taken = selection.taken(problem).items()
+    return {n: beside_background(x) for n, x in taken if n not in episodes or x > thresholds.LOADS_TAKE}
+
+
+def _leaves_nothing(problem: Problem, unmodelled: Unmodelled) -> bool:
+    """Whether a formula leaves no background, which a formula follows as well as an effect."""
+    return problem.excess(unmodelled.fit.residual) < thresholds.UNDECIDED * problem.excess_scatter
 
 
 def _along_the_motion(
@@ -256,9 +275,8 @@ def _verdict(findings: Sequence[Finding], much_left: bool) -> Verdict:
 def _sure(problem: Problem, explanation: Explanation, selected: Selected, left: float) -> float:
     """Confidence in a listed term: by what is left, beside a background by the share that it took, or as the recorded
     motion says."""
-    shares = explanation.selection.taken(problem)
     much = left > thresholds.CLEARLY_LEFT * problem.excess_scatter
-    beside = beside_background(shares.get(selected.term, 0.0)) if much else 0.0
+    beside = sure_beside_background(problem, explanation.selection).get(selected.term, 0.0) if much else 0.0
     along = explanation.anchored.supports(selected.term) if explanation.anchored else 0.0
     return max(confidence(selected.gain, left), beside, along)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,9 +20,9 @@ from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, bounded_step, fit
 from cobot_joint.diagnosis.estimation.problem import Noise, Problem
 from cobot_joint.diagnosis.repair.repair import onsets
-from cobot_joint.diagnosis.selection.stepwise import Selector
+from cobot_joint.diagnosis.selection.stepwise import Selected, Selection, Selector
 from cobot_joint.diagnosis.store import Store
-from cobot_joint.diagnosis.thresholds import EVIDENCE
+from cobot_joint.diagnosis.thresholds import EVEN, EVIDENCE
 from cobot_joint.system.read import load_system
 from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, OFFSET, ORDERS, PUSH, TERMS, Axis, campaign
 from tests.orchestrator.diagnosis.bench import calibrated
@@ -310,3 +311,16 @@ def test_probing_amplitudes_answer_far_above_roughness_and_need_no_second_try() 
         sizes = {c.term.name: float(np.sqrt(np.mean((c.vectors[0] * probes[c.term.name]) ** 2))) for c in columns}
     small = {name: size for name, size in sizes.items() if size < 0.02}
     assert set(small) <= {t.name for t in p.plant.terms if probes[t.name] >= 0.4 * (t.upper - t.neutral)}, small
+
+
+@pytest.mark.parametrize(("share", "counts"), [(0.92, False), (0.99, True)])
+def test_a_load_that_comes_and_goes_must_take_nearly_all_to_count_beside_a_background(
+    share: float, counts: bool
+) -> None:
+    p = problem(campaign({}), Axis((*TERMS, PUSH)))
+    above = 1e5
+    fits = [SimpleNamespace(chi2=p.samples + left) for left in (above, (1 - share) * above)]
+    for name in ("axis.push", "axis.windage"):
+        selection = Selection(fits, [Selected(name, share * above)])  # type: ignore[arg-type]
+        believed = engine.sure_beside_background(p, selection).get(name, 0.0) >= EVEN
+        assert believed == (counts or name == "axis.windage")

@@ -15,13 +15,16 @@ from cobot_joint.diagnosis.state_estimation.states import states_of
 MOTIONS = {*SPEEDS, "rad", "m"}
 
 
-def follow(campaign: Campaign, plant: Plant, say: Progress) -> Search | None:
-    """None: a unit allows no state to be set, a recording is a table, or none of them can be followed; or the motion is
-    an input, so that a free run loses nothing."""
+def can_follow(campaign: Campaign, plant: Plant) -> bool:
+    """Whether states can be set, and recordings are runs in time. Where motion is an input a free run loses nothing."""
     if not isinstance(plant, FmuPlant) or any(states_of(system) is None for system in plant.systems.values()):
-        return None
-    if any(recording.scatter or _motion_is_given(recording) for recording in campaign.train):
-        return None
+        return False
+    return not any(recording.scatter or _motion_is_given(recording) for recording in campaign.train)
+
+
+def follow(campaign: Campaign, plant: Plant, say: Progress) -> Search | None:
+    """None: none of the recordings can be followed. The plant is one that `can_follow`."""
+    assert isinstance(plant, FmuPlant)
     bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
     bounds = {name: (low, high) for name, (low, high) in bounds.items() if low < high}
     terms = [t for t in plant.terms if any(plant.has(t.name, r) for r in campaign.train)]

@@ -15,6 +15,7 @@ from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit, fit_added, fit_on
+from cobot_joint.diagnosis.estimation.multiscale import out_of_local_minimum
 from cobot_joint.diagnosis.estimation.problem import Problem
 
 FITTED = 4  # candidates of a ranking that are fitted with everything else free
@@ -80,7 +81,8 @@ class Competition:
     def finished(self, found: Fit) -> Fit:
         """Fitted to its end; where nothing is left, with the Jacobian at hand."""
         jacobians = 3 if self.problem.unexplained(found.residual) else 0
-        return fit_on(self.problem, found, finished(jacobians)) or found
+        ended = fit_on(self.problem, found, finished(jacobians)) or found
+        return out_of_local_minimum(self.problem, ended, finished(jacobians)) if jacobians else ended
 
     def with_best_onset(self, best: Fit, active: ActiveTerm, lowest: float = np.inf) -> Fit | None:
         """The term from the start, and, where the score test says so, from later on: the better fit of both.

@@ -47,9 +47,15 @@ class Place:
     """A port: chi-square that its first forms take together, and the best formula there."""
 
     port: Port
+    dictionary: Dictionary
     points: float
     columns: list[Column[Product]]
     choice: Choice[Product] | None
+
+    def look_closer(self, problem: Problem, start: Fit) -> None:
+        """With all forms, not a few."""
+        rest = respond(problem, start, self.port, self.dictionary.more(self.dictionary.waves(start.residual)))
+        self.choice = forward(problem, start, [*self.columns, *rest])
 
 
 def look_for_unmodelled(
@@ -58,7 +64,8 @@ def look_for_unmodelled(
     """None: the list explains what there is, or no form at any port does better.
 
     First alone: a form that explains all of it makes listed terms patches. Else beside listed terms that do most of it.
-    least: share of what is above noise that the first forms at a port have to promise together.
+    least: share of what is above noise that the first forms at a port have to promise together, or nothing else than
+    one of them that takes nearly all is an answer.
     """
     before, left = problem.excess(calibrated.residual), problem.excess(listed.fit.residual)
     terms = len(listed.selected)
@@ -95,13 +102,20 @@ def _worth_more(problem: Problem, alone: Unmodelled, before: float, left: float,
 
 def _look(problem: Problem, start: Fit, selected: list[Selected], say: Say, least: float = 0.0) -> Unmodelled | None:
     """The best port and form beside the terms of `start`; None: nothing takes HOLDS of what it leaves."""
-    places = _places(problem, start, least)
+    places = _places(problem, start)
     if not places:
         return None
     answer = partial(_answer, problem, start, selected)
-    best = max((p.choice for p in places if p.choice), key=lambda choice: choice.gain, default=None)
-    found = answer(best) if best else None
+    found = _best(places, answer)
+    found = found if found is not None and found.taken > thresholds.ENOUGH else None
+    if found is None and places[0].points < least * (start.chi2 - problem.samples):
+        return None
     near = [p for p in places[:2] if p.columns and p.points > thresholds.NEAR_PORT * places[0].points]
+    if not _settled(problem, start, places, found):
+        for place in near:
+            place.look_closer(problem, start)
+        closer = _best(places, answer)
+        found = max(filter(None, (found, closer)), key=lambda each: each.finding.gain, default=None)
     if found is None or found.taken < thresholds.ENOUGH:
         say("forms that set in later")
         tried = [each for p in near if (each := look_late(problem, start, p.columns)) is not None]
@@ -118,35 +132,35 @@ def _look(problem: Problem, start: Fit, selected: list[Selected], say: Say, leas
     return found
 
 
+def _settled(problem: Problem, start: Fit, places: Sequence[Place], found: Unmodelled | None) -> bool:
+    """Whether a few forms are enough: by what the best of them leaves, or by what the Jacobian expects of it."""
+    if found is not None and problem.excess(found.fit.residual) < thresholds.CLEARLY_LEFT * problem.excess_scatter:
+        return True
+    enough = thresholds.ENOUGH * max(problem.excess(start.residual), 1e-9)
+    return any(p.choice is not None and p.choice.gain > enough for p in places)
+
+
+def _best(places: Sequence[Place], answer: Callable[[Choice[Product]], Unmodelled | None]) -> Unmodelled | None:
+    """That of the choice from which the Jacobian expects most."""
+    best = max((p.choice for p in places if p.choice), key=lambda choice: choice.gain, default=None)
+    return answer(best) if best else None
+
+
 def _much_better(other: Unmodelled, than: Unmodelled | None) -> bool:
     """Whether it leaves TIMES_LESS: an onset, or a table, is a freedom more."""
     return 1 - other.taken < (1 - (than.taken if than else 0.0)) / thresholds.TIMES_LESS
 
 
-def _places(problem: Problem, start: Fit, least: float) -> list[Place]:
-    """Those to which the residual points first: a few forms are tried at every port, all of them at the first ones.
-
-    Empty: the few forms of no port take `least` together.
-    """
-    structure, places = max(problem.excess(start.residual), 1e-9), []
-    dictionaries = {}
+def _places(problem: Problem, start: Fit) -> list[Place]:
+    """Those to which the residual points first, by a few forms at every port."""
+    places = []
     for port in problem.plant.ports:
-        dictionary = dictionaries[port.name] = Dictionary(problem, start, port)
+        dictionary = Dictionary(problem, start, port)
         if dictionary.locals:
             columns = respond(problem, start, port, dictionary.first(dictionary.waves(start.residual)))
             points = Projection(start, [c.vector for c in columns]).gain(range(len(columns)))[0]
-            places.append(Place(port, points, columns, forward(problem, start, columns)))
-    places = _distinguishable(sorted(places, key=lambda place: -place.points))
-    if max((p.points for p in places), default=0.0) < least * (start.chi2 - problem.samples):
-        return []
-    if any(p.choice is not None and p.choice.gain > thresholds.ENOUGH * structure for p in places):
-        return places
-    for place in places[:2]:
-        if place.points > thresholds.NEAR_PORT * places[0].points:
-            dictionary = dictionaries[place.port.name]
-            rest = respond(problem, start, place.port, dictionary.more(dictionary.waves(start.residual)))
-            place.choice = forward(problem, start, [*place.columns, *rest])
-    return places
+            places.append(Place(port, dictionary, points, columns, forward(problem, start, columns)))
+    return _distinguishable(sorted(places, key=lambda place: -place.points))
 
 
 def _distinguishable(places: Sequence[Place]) -> list[Place]:

@@ -10,9 +10,12 @@ import pytest
 
 from cobot_joint.cosim import Experiment, Simulation
 from cobot_joint.diagnosis.data.campaign import Campaign, load_campaign
-from cobot_joint.diagnosis.engine import diagnose_plant
+from cobot_joint.diagnosis.engine import calibrate, diagnose_plant
 from cobot_joint.diagnosis.estimation.problem import Vector
 from cobot_joint.diagnosis.repair.repair import repair
+from cobot_joint.diagnosis.selection.stepwise import Selection
+from cobot_joint.diagnosis.selection.unmodelled import look_for_unmodelled
+from cobot_joint.diagnosis.store import Store
 from cobot_joint.system.model import Inputs
 from cobot_joint.system.read import load_system
 from tests.orchestrator.diagnosis.axis import NOISE, SAMPLES, STEP, Axis, campaign
@@ -74,6 +77,18 @@ def test_no_listed_term_is_claimed_of_a_background_alone() -> None:
 
     found = diagnose_plant(concealed(background), Axis())
     assert {f.term for f in found.findings if f.confidence >= 0.5} <= {"axis.unlisted"}
+
+
+def test_a_form_that_takes_nearly_all_is_an_answer_however_little_its_jacobian_promises() -> None:
+    """A re-fit may have taken so much of an effect that its slope there promises a tenth of what a fit then finds."""
+    case = concealed(lambda w, phi: -8e-3 * (w / 60) ** 3)
+    problem, calibrated = calibrate(case, Axis(), lambda words: None, Store(None))
+    beyond_all = 2.0  # of what is above noise: more than anything can promise
+    found = look_for_unmodelled(problem, calibrated, Selection([calibrated]), lambda words: None, beyond_all)
+    assert found is not None
+    assert found.finding.shape is not None
+    assert [str(f.form) for f in found.finding.shape.features] == ["w^3"]
+    assert found.taken > 0.97
 
 
 def test_where_no_formula_holds_the_shape_is_a_table() -> None:

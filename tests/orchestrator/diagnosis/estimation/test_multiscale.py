@@ -1,0 +1,96 @@
+"""Local minima that ringing makes: a stop that is met later rings out of step, and is found all the same."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.estimation.effects import BaseParameter
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
+from cobot_joint.diagnosis.estimation.least_squares import Precision, fit
+from cobot_joint.diagnosis.estimation.multiscale import LEAST, WINDOWS, Averaged, out_of_local_minimum
+from cobot_joint.diagnosis.estimation.problem import Noise, Problem, Run
+from cobot_joint.diagnosis.plant.plant import Parameter, Signals
+
+STEP, SIGMA = 1e-3, 0.02
+LATE, DECAY = Parameter("stop.late", 0.0, "s", 0.0, 1.0), Parameter("stop.decay", 4.0, "1/s", 0.1, 100.0)
+PRECISION = Precision(settled=10.0, jacobians=8)
+
+
+class Stop:
+    """A mass meets a stop, `late` after it was told to move, and rings at 40 Hz while it settles."""
+
+    terms = ports = inputs = ()
+
+    def __init__(self) -> None:
+        self.parameters = {p.name: p for p in (LATE, DECAY)}
+
+    def has(self, name: str, recording: Recording) -> bool:
+        """There is one component."""
+        return True
+
+    def simulate(self, values: Mapping[str, float], recording: Recording, **_: object) -> Signals:
+        """See Plant.simulate."""
+        late, decay = (values.get(p.name, p.nominal) for p in (LATE, DECAY))
+        t = np.maximum(recording.time - 0.5 - late, 0.0)
+        return {"y": 1 - np.exp(-t / 0.3) + 0.3 * np.exp(-decay * t) * np.sin(2 * np.pi * 40 * t)}
+
+
+def stop(late: float, samples: int = 3000) -> Problem:
+    """A run whose stop is met so late, recorded with noise."""
+    time = STEP * np.arange(samples)
+    recording = Recording("run", "train", "default", time, {}, {"y": np.zeros(samples)}, {"y": "1"})
+    clean = Stop().simulate({LATE.name: late}, recording)["y"]
+    noise = np.random.default_rng(1).normal(0, SIGMA, samples)
+    return Problem(Stop(), [replace(recording, outputs={"y": clean + noise})], {"y": Noise(SIGMA)}, jobs=1)
+
+
+def fitted(problem: Problem) -> Fit:
+    """From nominal values, 0.1 s and a decay of 1 to 16 1/s allowed."""
+    hypothesis = Hypothesis((BaseParameter(LATE, 0.0, 0.1), BaseParameter(DECAY, 1.0, 16.0)))
+    found = fit(problem, hypothesis, precision=PRECISION)
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("late", [0.005, 0.015, 0.08])
+def test_a_fit_that_ringing_holds_a_period_off_is_brought_to_its_place(late: float) -> None:
+    problem = stop(late)
+    stuck = fitted(problem)
+    assert problem.unexplained(stuck.residual)
+    found = out_of_local_minimum(problem, stuck, PRECISION)
+    assert found.run.values[LATE.name] == pytest.approx(late, abs=1e-4)
+    assert found.run.values[DECAY.name] == pytest.approx(DECAY.nominal, rel=0.02)
+    assert not problem.unexplained(found.residual)
+
+
+def test_a_fit_that_is_where_it_belongs_costs_no_simulation() -> None:
+    problem = stop(0.05)  # the middle of its bounds, where a fit starts
+    found = fitted(problem)
+    assert not problem.unexplained(found.residual)
+    before = problem.runs
+    assert out_of_local_minimum(problem, found, PRECISION) is found
+    assert problem.runs == before
+
+
+def test_a_recording_of_some_windows_only_is_left_as_it_is() -> None:
+    problem = stop(0.005, samples=(LEAST - 1) * min(WINDOWS))
+    stuck = fitted(problem)
+    assert out_of_local_minimum(problem, stuck, PRECISION) is stuck
+
+
+def test_averaged_rows_keep_the_variance_of_white_noise_and_what_was_not_recorded_is_left_out() -> None:
+    problem = stop(0.05)
+    problem.recordings[0].outputs["y"][1000:1010] = np.nan
+    averaged = Averaged(Problem(Stop(), problem.recordings, problem.noise, jobs=1), 32)
+    simulated = averaged.simulate([Run({LATE.name: 0.05})])[0]
+    assert simulated is not None
+    residual = averaged.recorded - simulated.white
+    assert len(residual) == averaged.rows == 3000 // 32
+    assert averaged.samples == pytest.approx(3000 // 32, abs=1)
+    assert np.std(residual) == pytest.approx(1.0, abs=0.25)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from itertools import product
@@ -82,12 +83,17 @@ def sweep(
 
 
 def diagnose(
-    campaign: str | Path, out: str | Path | None = None, *, progress: Callable[[str], None] | None = None
+    campaign: str | Path,
+    out: str | Path | None = None,
+    *,
+    within: float = math.inf,
+    progress: Callable[[str], None] | None = None,
 ) -> Diagnosed:
     """Locate where a campaign's recordings and its system differ, name what the model lacks, repair the system.
 
     campaign  a campaign.toml, or the folder that holds it (docs/campaigns.md)
     out       folder for report.html, diagnosis.json, repaired.ssp; None: `diagnosis` beside the campaign
+    within    s, after which nothing further is looked at; what is left out is in the answer. Recordings in time only
     progress  called with what is being done
 
     Stages that an earlier, interrupted call finished are taken over. What looks wrong with recordings is warned of.
@@ -108,7 +114,7 @@ def diagnose(
         loaded = load_campaign(path)
         for suspicion in plausible(loaded):
             warnings.warn(str(suspicion), stacklevel=2)
-        outcome = diagnose_campaign(loaded, folder, progress=progress)
+        outcome = diagnose_campaign(loaded, folder, within=within, progress=progress)
     return Diagnosed(folder, outcome.diagnosis)
 
 

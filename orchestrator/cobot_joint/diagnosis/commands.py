@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -54,6 +55,12 @@ def diagnose(
         Path | None, typer.Option(help="Folder for the results.", show_default="diagnosis beside the campaign")
     ] = None,
     baseline: Baseline = None,
+    within: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0, metavar="SECONDS", help="Look at nothing further after that; the answer says what was left out."
+        ),
+    ] = None,
 ) -> dict[str, Any]:
     """Locate where recordings and system differ, name what is missing, and repair the system.
 
@@ -62,12 +69,15 @@ def diagnose(
     from cobot_joint.diagnosis.checks.plausibility import plausible
     from cobot_joint.diagnosis.data.campaign import load_campaign
     from cobot_joint.diagnosis.frequency import is_response
+    from cobot_joint.diagnosis.report.words import left_out
     from cobot_joint.diagnosis.run import diagnose_campaign
     from cobot_joint.results.files import read_json
 
     if is_response(campaign):
         if baseline is not None:
             raise UserError(f"--baseline {baseline!r} is given, none is there for a frequency response")
+        if within is not None:
+            raise UserError(f"--within {within:g} is given, a frequency response takes as long as it takes")
         return _diagnose_response(campaign, out)
     loaded = load_campaign(campaign)
     folder = results_folder(out or loaded.path.parent / "diagnosis")
@@ -77,7 +87,8 @@ def diagnose(
     for suspicion in suspicions:
         console.print(f"[yellow]{escape(str(suspicion))}[/yellow]", soft_wrap=True)
     with resumable(), _stages() as progress:
-        result = diagnose_campaign(loaded, folder, baseline=baseline, progress=progress)
+        limit = math.inf if within is None else within
+        result = diagnose_campaign(loaded, folder, baseline=baseline, within=limit, progress=progress)
     for recording in loaded.recordings:
         for note in recording.notes:
             console.print(f"[dim]{escape(recording.name)}: {escape(note)}[/dim]", soft_wrap=True)
@@ -85,6 +96,8 @@ def diagnose(
     content = result.diagnosis
     for crash in content.get("crashes", ()):
         console.print(f"[yellow]{escape(crash)}[/yellow]", soft_wrap=True)
+    if said := left_out(content):
+        console.print(f"[yellow]{escape(said)}[/yellow]", soft_wrap=True)
     if content["findings"]:
         console.print(_findings(content["findings"]))
     roles = [r for r in ("train", "holdout") if any(r in c for c in content["channels"].values())]

@@ -12,6 +12,7 @@ from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.answer import diagnosis as anchored_diagnosis
 from cobot_joint.diagnosis.anchored.follow import can_follow, follow
 from cobot_joint.diagnosis.anchored.search import Search
+from cobot_joint.diagnosis.budget import Budget
 from cobot_joint.diagnosis.candidates.scan_ranges import driven
 from cobot_joint.diagnosis.candidates.score_test import Scan
 from cobot_joint.diagnosis.data.campaign import Campaign
@@ -51,37 +52,48 @@ class Explanation:
     anchored: Search | None = None  # what the recorded motion says, where no model fits to the noise
 
 
-def diagnose(campaign: Campaign, *, progress: Progress | None = None, store: Store | None = None) -> Diagnosis:
+def diagnose(
+    campaign: Campaign, *, progress: Progress | None = None, store: Store | None = None, budget: Budget | None = None
+) -> Diagnosis:
     """What the recordings with role "train" say of the campaign's system. Held-out recordings are not looked at.
 
     progress: called with what is being done, in words. store: stages finished by an earlier call are taken from it.
+    budget: None looks at everything.
     """
     systems = campaign.systems()
     with FmuPlant(systems) as plant:
-        found = diagnose_plant(campaign, plant, progress=progress, store=store)
+        found = diagnose_plant(campaign, plant, progress=progress, store=store, budget=budget)
         found.crashes = [str(crash) for crash in plant.crashes.values()]
         return found
 
 
 def diagnose_plant(
-    campaign: Campaign, plant: Plant, *, progress: Progress | None = None, store: Store | None = None
+    campaign: Campaign,
+    plant: Plant,
+    *,
+    progress: Progress | None = None,
+    store: Store | None = None,
+    budget: Budget | None = None,
 ) -> Diagnosis:
     """`diagnose` with any simulator."""
-    begun = time.monotonic()
+    begun, budget = time.monotonic(), budget or Budget()
     prefetch()
     say, store = progress or (lambda words: None), store or Store(None)
     problem, calibrated = calibrate(campaign, plant, say, store)
     say("locating the difference")
     located = store.remember("located", calibrated.x, lambda: locate_difference(problem, calibrated).to_json())
-    found, explanation = explain(campaign, problem, calibrated, say, store)
+    found, explanation = explain(campaign, problem, calibrated, say, store, budget)
     found.located = located
     if explanation.calibrated is not calibrated:  # a better one came up on the way
         again = explanation.calibrated
         found.located = store.remember("located", again.x, lambda: locate_difference(problem, again).to_json())
-    if found.findings:
+    if found.findings and budget.allows("the experiment that would tell more"):
         say("looking for the experiment that would tell more")
-    basis = [f.term for f in found.findings], explanation.fit.x
-    found.advice = store.remember("experiment", basis, lambda: advise(problem, found.findings, explanation.fit))
+        basis = [f.term for f in found.findings], explanation.fit.x
+        found.advice = store.remember("experiment", basis, lambda: advise(problem, found.findings, explanation.fit))
+    found.left_out = budget.left_out
+    if found.left_out and found.verdict == "nothing_missing":
+        found.verdict = "undecided"
     found.seconds = time.monotonic() - begun
     return found
 
@@ -111,12 +123,15 @@ def told(campaign: Campaign) -> tuple[object, ...]:
 
 
 def explain(
-    campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress, store: Store
+    campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress, store: Store, budget: Budget
 ) -> tuple[Diagnosis, Explanation]:
     """What is missing, without where it shows in the recordings and what would tell more."""
-    explanation = store.remember(
-        "selection", _basis(campaign), lambda: _select(campaign, problem, calibrated, say, store)
-    )
+
+    def select() -> Explanation:
+        return _select(campaign, problem, calibrated, say, store, budget)
+
+    # what time cut short is no result to go on from; its finished rounds are kept
+    explanation = select() if budget.limited else store.remember("selection", _basis(campaign), select)
     say("writing down what was found")
     if explanation.anchored is not None and not explanation.selected:
         return anchored_diagnosis(explanation.anchored, units_of(problem)), explanation
@@ -127,7 +142,7 @@ def identify(campaign: Campaign, plant: Plant) -> Diagnosis:
     """`diagnose_plant` without where the difference lies and what would tell more: enough for counting."""
     store, say = Store(None), (lambda words: None)
     problem, calibrated = calibrate(campaign, plant, say, store)
-    return explain(campaign, problem, calibrated, say, store)[0]
+    return explain(campaign, problem, calibrated, say, store, Budget())[0]
 
 
 def noises(campaign: Campaign) -> dict[str, Noise]:
@@ -148,7 +163,9 @@ def _basis(campaign: Campaign) -> tuple[object, ...]:
     return (*told(campaign), *campaign.terms)
 
 
-def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress, store: Store) -> Explanation:
+def _select(
+    campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress, store: Store, budget: Budget
+) -> Explanation:
     """With `terms` in the campaign: these, and nothing beyond them. Else all, and what no list names."""
     only = campaign.terms
     scan = Scan(problem, driven(problem, calibrated, _terms(problem, only)), say)
@@ -156,18 +173,21 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     if not only and (load := look_for_unlogged_load(problem, calibrated, beside.select, say, beside.promised)):
         nothing = Selection([calibrated], indistinguishable=dict(scan.indistinguishable))
         return Explanation(calibrated, load.fit, nothing, load.selected, load)
-    listed = Selector(problem, scan, say, store).select(calibrated, _basis(campaign))
+    listed = Selector(problem, scan, say, store, budget).select(calibrated, _basis(campaign))
     calibrated = listed.history[0]  # that of before, or a better one that came up on the way
     if only:
         kept = worth_naming(problem, calibrated, listed)
         return Explanation(calibrated, kept.fit, listed, kept.selected)
+    if _much_is_left(problem, listed) and not budget.allows("external loads, formulas, the recorded motion"):
+        kept = prune(problem, listed)
+        return Explanation(calibrated, kept.fit, listed, kept.selected)
     if loads := look_for_external_loads(problem, listed, beside.select, say):
         return Explanation(calibrated, loads.fit, listed, loads.selected, loads)
-    return _beyond_the_list(campaign, problem, listed, say, store)
+    return _beyond_the_list(campaign, problem, listed, say, store, budget)
 
 
 def _beyond_the_list(
-    campaign: Campaign, problem: Problem, listed: Selection, say: Progress, store: Store
+    campaign: Campaign, problem: Problem, listed: Selection, say: Progress, store: Store, budget: Budget
 ) -> Explanation:
     """What listed terms leave: to a formula that leaves nothing, to the recorded motion, to a formula, or to nothing.
 
@@ -178,10 +198,15 @@ def _beyond_the_list(
     takes_most, follows = _takes_most(problem, listed), can_follow(campaign, problem.plant)
     background = takes_most or follows
     least = max(thresholds.ALONE, 1 - left / max(before, 1e-9)) if background else 0.0
-    unmodelled = look_for_unmodelled(problem, calibrated, listed, say, least)
+    much = _much_is_left(problem, listed)
+    formulas = much and budget.allows("formulas")
+    unmodelled = look_for_unmodelled(problem, calibrated, listed, say, least) if formulas else None
     if unmodelled and (not background or _leaves_nothing(problem, unmodelled)):
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
-    found = _along_the_motion(campaign, problem, listed, say, store) if follows and not takes_most else None
+    asked = much and follows and not takes_most and budget.allows("the recorded motion")
+    found = (
+        store.remember("anchored", _basis(campaign), lambda: follow(campaign, problem.plant, say)) if asked else None
+    )
     stands = listed.selected if left < thresholds.REMAINDER * before else []
     if found and stands and found.supports(stands[0].term):
         return Explanation(calibrated, listed.fit, listed, stands, anchored=found)
@@ -191,6 +216,11 @@ def _beyond_the_list(
         return Explanation(calibrated, listed.fit, listed, [], anchored=found)
     kept = prune(problem, listed)
     return Explanation(calibrated, kept.fit, listed, kept.selected)
+
+
+def _much_is_left(problem: Problem, listed: Selection) -> bool:
+    """Whether listed terms leave more than noise does."""
+    return problem.excess(listed.fit.residual) > thresholds.CLEARLY_LEFT * problem.excess_scatter
 
 
 def _takes_most(problem: Problem, listed: Selection) -> bool:
@@ -209,15 +239,6 @@ def sure_beside_background(problem: Problem, selection: Selection) -> dict[str, 
 def _leaves_nothing(problem: Problem, unmodelled: Unmodelled) -> bool:
     """Whether a formula leaves no background, which a formula follows as well as an effect."""
     return problem.excess(unmodelled.fit.residual) < thresholds.UNDECIDED * problem.excess_scatter
-
-
-def _along_the_motion(
-    campaign: Campaign, problem: Problem, listed: Selection, say: Progress, store: Store
-) -> Search | None:
-    """What the recorded motion says where listed terms leave more than noise; None: they do not, or it says nothing."""
-    if problem.excess(listed.fit.residual) < thresholds.CLEARLY_LEFT * problem.excess_scatter:
-        return None
-    return store.remember("anchored", _basis(campaign), lambda: follow(campaign, problem.plant, say))
 
 
 def _terms(problem: Problem, only: Sequence[str]) -> list[TermCandidate]:

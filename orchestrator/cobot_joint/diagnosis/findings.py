@@ -183,6 +183,7 @@ class Diagnosis:
     background: list[dict[str, Any]] = field(default_factory=list)  # what is worth no name, by port and variable
     seconds: float = 0.0
     crashes: list[str] = field(default_factory=list)  # of units; what was tried then was passed over
+    left_out: list[str] = field(default_factory=list)  # for want of time
 
     def parameters(self, variant: Literal["nominal", "calibrated", "repaired"]) -> dict[str, float]:
         """Values to simulate that variant with."""
@@ -214,4 +215,5 @@ class Diagnosis:
                 "seconds": self.seconds,
             }
             | ({"crashes": self.crashes} if self.crashes else {})
+            | ({"left_out": self.left_out} if self.left_out else {})
         )

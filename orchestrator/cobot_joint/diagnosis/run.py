@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,7 @@ from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.archive import save
 from cobot_joint.diagnosis.basis import of_campaign
+from cobot_joint.diagnosis.budget import Budget
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.conditioning import ChannelQuality, condition
 from cobot_joint.diagnosis.findings import Diagnosis
@@ -46,17 +49,23 @@ class Outcome:
 
 
 def diagnose_campaign(
-    campaign: Campaign, out: Path, *, baseline: str | None = None, progress: Progress | None = None
+    campaign: Campaign,
+    out: Path,
+    *,
+    baseline: str | None = None,
+    within: float = math.inf,
+    progress: Progress | None = None,
 ) -> Outcome:
     """Diagnose, repair, compare, report. diagnosis.json is written last: where it is, everything is.
 
-    Stages that an earlier, interrupted call finished are taken from OUT/.work.
+    Stages that an earlier, interrupted call finished are taken from OUT/.work. within: s, after which nothing further
+    is looked at.
     """
     say = progress or (lambda words: None)
     systems = campaign.systems()
     source = provenance(campaign.path, campaign.title, systems, parameters=campaign.parameters, baseline=baseline)
     store = Store(out / ".work", of_campaign(campaign, systems))
-    diagnosis = engine(baseline)(campaign, progress=progress, store=store)
+    diagnosis = engine(baseline, Budget(within))(campaign, progress=progress, store=store)
     say("repairing")
     repair(diagnosis.to_json(), systems, out)
     say("comparing")
@@ -88,7 +97,8 @@ def diagnose_campaign(
     )
     write_report(out / "report.html", data)
     write_json(out / "diagnosis.json", content | {"provenance": source})
-    store.clear()
+    if not diagnosis.left_out:
+        store.clear()
     files = [out / name for name in ("diagnosis.json", "report.html", "repaired.ssp", "fmus")]
     return Outcome(verdict_sentence(content, texts), content, units_of(campaign), files)
 
@@ -122,12 +132,16 @@ def anchored(campaign: Campaign, out: Path, calibrated: Mapping[str, float], say
         return {}
 
 
-def engine(baseline: str | None) -> Callable[..., Diagnosis]:
-    """The diagnosis, or what it is held against. UserError: no such baseline."""
+def engine(baseline: str | None, budget: Budget) -> Callable[..., Diagnosis]:
+    """The diagnosis, or what it is held against. UserError: no such baseline, or it cannot be limited."""
     if baseline is None:
         from cobot_joint.diagnosis.engine import diagnose
 
-        return diagnose
+        return partial(diagnose, budget=budget)
+    if budget.limited:
+        raise UserError(
+            f"--within {budget.seconds:g} is given, a baseline (--baseline {baseline}) takes as long as it takes"
+        )
     from cobot_joint.diagnosis.evaluation.baselines import BASELINES
 
     if baseline not in BASELINES:

@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 
 from cobot_joint.diagnosis import engine
 from cobot_joint.diagnosis.anchored.search import Search
+from cobot_joint.diagnosis.budget import Budget
 from cobot_joint.diagnosis.candidates.score_test import Scan
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.engine import diagnose_plant
@@ -324,3 +325,37 @@ def test_a_load_that_comes_and_goes_must_take_nearly_all_to_count_beside_a_backg
         selection = Selection(fits, [Selected(name, share * above)])  # type: ignore[arg-type]
         believed = engine.sure_beside_background(p, selection).get(name, 0.0) >= EVEN
         assert believed == (counts or name == "axis.windage")
+
+
+def concealed_windage_and_cogging() -> Campaign:
+    return campaign(OFF | {"axis.windage.c": 2e-6, "axis.cogging.A": 8e-3, "axis.cogging.n": 5.0})
+
+
+def test_without_time_the_first_answer_says_what_was_left_out() -> None:
+    found = diagnose_plant(concealed_windage_and_cogging(), Axis(), budget=Budget(0.0))
+    assert len(found.findings) == 1
+    assert found.left_out == [
+        "further listed terms",
+        "external loads, formulas, the recorded motion",
+        "the experiment that would tell more",
+    ]
+    assert found.to_json()["left_out"] == found.left_out
+
+
+def test_with_time_enough_nothing_is_left_out() -> None:
+    found = diagnose_plant(concealed_windage_and_cogging(), Axis(), budget=Budget(1e6))
+    assert {f.term for f in found.findings} == {"axis.windage", "axis.cogging"}
+    assert found.left_out == []
+    assert "left_out" not in found.to_json()
+
+
+def test_what_time_cut_short_is_gone_on_from_and_never_taken_for_the_answer(tmp_path: Path) -> None:
+    case = concealed_windage_and_cogging()
+    undisturbed, first, second = Axis(), Axis(), Axis()
+    expected = diagnose_plant(case, undisturbed)
+    short = diagnose_plant(case, first, store=Store(tmp_path), budget=Budget(0.0))
+    assert short.left_out
+    found = diagnose_plant(case, second, store=Store(tmp_path))
+    assert [f.term for f in found.findings] == [f.term for f in expected.findings]
+    assert found.left_out == []
+    assert second.runs < undisturbed.runs

@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import joblib
@@ -24,6 +25,7 @@ from typer.testing import CliRunner
 from cobot_joint import cli
 from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis import commands, run
+from cobot_joint.diagnosis.budget import Budget
 from cobot_joint.diagnosis.data.campaign import Campaign, load_campaign
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.evaluation.baselines import DiscrepancyDiagnosis
@@ -127,7 +129,7 @@ def knows(diagnosis: Diagnosis):
     def diagnose(campaign: Campaign, *, progress=None, store: Store | None = None) -> Diagnosis:
         return diagnosis
 
-    return lambda baseline: diagnose
+    return lambda baseline, budget: diagnose
 
 
 def test_the_files_of_a_diagnosis_are_there_and_agree(
@@ -461,4 +463,30 @@ def test_a_diagnosis_that_is_killed_goes_on_and_says_the_same(tmp_path: Path) ->
 
 def test_a_baseline_that_does_not_exist_is_refused() -> None:
     with pytest.raises(UserError, match="--baseline 'magic' is given"):
-        run.engine("magic")
+        run.engine("magic", Budget())
+
+
+def test_a_limit_in_time_is_refused_where_nothing_can_be_left_out() -> None:
+    with pytest.raises(UserError, match="--within 5 is given, a baseline"):
+        run.engine("refit", Budget(5.0))
+
+
+def test_the_stages_are_kept_and_the_answer_says_so_where_time_was_up(
+    campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def cut_short(campaign: Campaign, *, progress=None, store: Store | None = None) -> Diagnosis:
+        assert store is not None
+        store.remember("calibrated", None, lambda: 1.0)
+        return replace(explained(), left_out=left_out)
+
+    app = typer.Typer()
+    commands.register(app)
+    monkeypatch.setattr(run, "engine", lambda baseline, budget: cut_short)
+    for left_out in (["formulas", "the recorded motion"], []):
+        arguments = ["diagnose", str(campaign_file), "--out", str(tmp_path / "d"), "--within", "5"]
+        answer = CliRunner().invoke(app, arguments)
+        assert answer.exit_code == 0, answer.output
+        said = "time was up: not looked at are formulas, the recorded motion"
+        assert (said in answer.output) == bool(left_out)
+        assert (said in (tmp_path / "d/report.html").read_text()) == bool(left_out)
+        assert (tmp_path / "d/.work").is_dir() == bool(left_out)

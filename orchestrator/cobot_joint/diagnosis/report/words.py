@@ -98,7 +98,16 @@ def notes(content: Json) -> list[str]:
         said.append("the re-fitted base model predicts held-out runs worse than the system as specified")
     if content["repair"] == "withheld":
         said.append("what was found does not predict held-out runs better than the system without it")
+    if time_was_up := left_out(content):
+        said.append(time_was_up)
     return said + _unexplained(content)
+
+
+def left_out(content: Json) -> str | None:
+    """What a limit in time left out; None: nothing."""
+    if not (names := content.get("left_out")):
+        return None
+    return f"time was up: not looked at are {', '.join(names)}; diagnose again without --within, it goes on from here"
 
 
 def _unexplained(content: Json) -> list[str]:

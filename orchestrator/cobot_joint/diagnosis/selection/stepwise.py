@@ -10,6 +10,7 @@ from operator import attrgetter
 import numpy as np
 
 from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.budget import Budget
 from cobot_joint.diagnosis.candidates.score_test import Column, Scan, Score, scores
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit, marginal_covariance
@@ -74,11 +75,19 @@ class Selection:
 class Selector:
     """Adds terms to a calibrated base model."""
 
-    def __init__(self, problem: Problem, scan: Scan, progress: Progress, store: Store | None = None) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        scan: Scan,
+        progress: Progress,
+        store: Store | None = None,
+        budget: Budget | None = None,
+    ) -> None:
         self.problem = problem
         self.scan = scan
         self.progress = progress
         self.store = store or Store(None)
+        self.budget = budget or Budget()
         self.competition = Competition(problem)
         self._columns: list[Column] = []  # at the base model
 
@@ -87,6 +96,8 @@ class Selector:
         so_far = Selection([calibrated])
         while not so_far.done and len(so_far.selected) < thresholds.MOST_TERMS:
             if not self.problem.unexplained(so_far.fit.residual):
+                break
+            if so_far.ranking and not self.budget.allows("further listed terms"):
                 break
             trail = [(s.term, s.gain) for s in so_far.selected]
             stage = f"selection-{len(so_far.ranking) + 1}"

@@ -101,10 +101,6 @@ static void unit_equations(Unit *m) {
 
   m->delta = delta;
   m->J_coupled = m->housing_J_coupled;
-  m->der_W_in = m->tau * m->w;
-  m->der_W_in_abs = fabs(m->der_W_in);
-  m->der_W_out = m->tau_s * m->w_o;
-  m->der_W_out_abs = fabs(m->der_W_out);
 }
 
 static inline void contact_indicators(const Unit *m, double z[N_EVENT]) {

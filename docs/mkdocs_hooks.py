@@ -61,7 +61,7 @@ def links(page: Path) -> list[tuple[str, Path]]:
 def equations(block: str) -> str:
     """A table: equations, and what is said beside them."""
     rows = [re.split(r" {2,}", re.sub(" +=", " =", line)) for line in block.splitlines()]
-    cells = ["".join(f"<td>{typeset(cell)}</td>" for cell in row) for row in rows]
+    cells = ["".join(f'<td style="padding-right: 2em">{typeset(cell)}</td>' for cell in row) for row in rows]
     return f'<table class="equations">{"".join(f"<tr>{row}</tr>" for row in cells)}</table>\n'
 
 

@@ -42,8 +42,4 @@ static void unit_equations(Unit *m) {
   m->tau_g = tau_g;
   m->delta = delta;
   m->J_coupled = m->eccentric_J_coupled;
-  m->der_W_in = m->tau * m->w;
-  m->der_W_in_abs = fabs(m->der_W_in);
-  m->der_W_out = m->tau_s * m->w_o;
-  m->der_W_out_abs = fabs(m->der_W_out);
 }

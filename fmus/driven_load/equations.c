@@ -29,8 +29,6 @@ static void unit_equations(Unit *m) {
   const bool rests = m->motion_source == IMPOSED || held_by_friction(m);
   m->der_x_w = rests ? 0 : (m->tau + m->tau_add + lead * m->F_add - m->tau_g - m->tau_f) / J;
   m->der_phi = w;
-  m->der_W = m->tau * w;
-  m->der_W_abs = fabs(m->der_W);
 
   m->w = w;
   m->v = m->der_s = lead * w;

@@ -51,11 +51,20 @@ static inline void answers_at(Unit *m, double t) {
   }
 }
 
+/* equations, and the power through every mechanical port, of which the work is the integral */
+static inline void equations(Unit *m) {
+  unit_equations(m);
+#define FLANGE(name, phi, w, tau, W, W_abs, role)                                                                      \
+  m->der_##W = m->tau * m->w;                                                                                          \
+  m->der_##W_abs = fabs(m->der_##W);
+#include "fmi2/rows.h"
+}
+
 static inline void evaluate(Unit *m, double t) {
   m->time = t;
   inputs_at(m, t);
   answers_at(m, t);
-  unit_equations(m);
+  equations(m);
 }
 
 /* every output, as someone who reads it wants it; the integrator does without what only they want */

@@ -8,6 +8,17 @@ static void cell(const char *text) {
   printf("</td>");
 }
 
+/* "first|second" as "first, second", which a line can break */
+static void options_cell(const char *options) {
+  printf("<td>");
+  for (const char *at = options; *at; at++)
+    if (*at == '|')
+      printf(", ");
+    else
+      putchar(*at);
+  printf("</td>");
+}
+
 static void html_rows(const char *term, Kind kind) {
   char full[NAME_SIZE], range[96] = "";
   for (int i = 0; i < N_PUBLIC; i++) {
@@ -29,7 +40,7 @@ static void html_rows(const char *term, Kind kind) {
       if (r->kind != kind || strcmp(r->term, term) != 0) continue;
       printf("<tr>");
       cell(full_name(full, r->term, r->name));
-      cell(r->options ? r->options : "");
+      options_cell(r->options ? r->options : "");
       cell(s == 0 ? "Integer" : "Boolean");
       cell(r->text);
       printf("</tr>\n");

@@ -212,7 +212,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2Value
     for (size_t j = 0; j < n_known; j++) reals(&near)[known[j]] = reals(&c->unit)[known[j]];
     for (size_t j = 0; j < n_known; j++) reals(&near)[known[j]] += side * eps * dv[j];
     if (parameters) unit_start(&near);
-    unit_equations(&near);
+    equations(&near);
     for (size_t i = 0; i < n_unknown; i++)
       dz[i] = eps == 0 ? 0 : side < 0 ? reals(&near)[unknown[i]] : (reals(&near)[unknown[i]] - dz[i]) / (2 * eps);
   }

@@ -24,8 +24,6 @@ static void unit_equations(Unit *m) {
 
   m->der_w_p = held_by_friction(m) ? 0 : (m->tau_s + m->tau_add - m->tau_g - hand - m->tau_c - tau_f) / m->J;
   m->der_phi_p = m->w_p;
-  m->der_W = m->tau_s * m->w_p;
-  m->der_W_abs = fabs(m->der_W);
 }
 
 static void unit_indicators(const Unit *m, double z[N_EVENT]) {

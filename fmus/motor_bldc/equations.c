@@ -76,8 +76,6 @@ static void unit_equations(Unit *m) {
   if (R_h > 0 || m->rise_h != 0)
     m->der_rise_h = (R_h * (R_th > 0 ? m->rise / R_th : heat) - m->rise_h) / m->winding_heating_T_h;
   m->der_rise = (R_th * heat - m->rise) / m->winding_heating_T - m->der_rise_h;
-  m->der_W = m->tau * m->w;
-  m->der_W_abs = fabs(m->der_W);
 
   const bool averages = m->drive_T_i > 0;
   m->der_x_r = averages ? (i - m->x_r) / m->drive_T_i : 0;

@@ -102,9 +102,6 @@ static void unit_equations(Unit *m) {
   m->der_w_b = is_held_by_brake(m) ? 0 : tau_b / m->brake_J_b;
   m->der_phi_b = w_b;
   m->der_E = fabs(m->tau_m * w_b) - m->E / m->brake_fade_T_c;
-
-  m->der_W = m->tau_s * w_p;
-  m->der_W_abs = fabs(m->der_W);
 }
 
 static void unit_indicators(const Unit *m, double z[N_EVENT]) {

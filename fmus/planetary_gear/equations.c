@@ -4,10 +4,21 @@
  *   tau_g       = c e + d_g de/dt, e = delta -+ b/2        while flanks touch, and never pulling; 0 in the gap b
  *   tau         = tau_g/N (m/eta + (1 - m) eta) + tau_f    thesis eq. 2.26, m: share of power that the motor drives
  *   J_o dw_o/dt = tau_g - tau_s                            thesis eq. 2.30
+ *
+ * Law stick: the same loss as dry friction where a speed is the unit's own, on the output shaft,
+ *
+ *   tau         = tau_g/N + tau_f
+ *   J_o dw_o/dt = tau_g - tau_l sgn(w_o) - tau_s           tau_l = (1 - eta) |tau_g|   where tau_g drives the output
+ *                                                                  (1/eta - 1) |tau_g| where it brakes it
+ *
+ * At constant speed that is eq. 2.26: tau_s = eta tau_g, or tau_g/eta. At rest tau_l holds whatever it can, so that the
+ * output stays for eta tau_g <= tau_s <= tau_g/eta: at 75 % a load of 10 N.m for 7.5 to 13.3 N.m from the motor. tau_l
+ * opposes w_o and makes no energy.
  */
 #define UNIT_EVENTS
 #include "fmi2/unit.h"
 #include "friction/friction.h"
+#include "friction/stick.h"
 #include "planetary_gear/ratio.h"
 
 enum { GAP, FRONT, BACK, FRONT_SLACK, BACK_SLACK }; /* slack: flanks touch, but would have to pull */
@@ -15,6 +26,7 @@ enum { GAP, FRONT, BACK, FRONT_SLACK, BACK_SLACK }; /* slack: flanks touch, but 
 static void unit_start(Unit *m) {
   m->N[0] = total_ratio(m);
   m->p_1[0] = -log(m->mesh_eta) / 2;
+  m->sliding[0] = sliding_of(m->w_o, m->sliding[0], m->time == m->start_time);
 }
 
 static inline double half_gap(const Unit *m) { return fmax(0, m->mesh_b + m->backlash_b_x) / 2; }
@@ -55,6 +67,18 @@ static inline double over_ideal(const Unit *m, double tau_g) {
   return p < 0 ? 1 - loss : 1 + loss;
 }
 
+static inline bool sticks(const Unit *m) { return m->mesh_law == STICK; }
+
+/* torque on the output, the mesh's loss apart */
+static inline double on_the_output(const Unit *m) { return m->tau_g * output_share(m) - m->tau_s + m->tau_o_add; }
+
+/* tau_l: what the mesh keeps of its torque on an output that turns, or would turn, in a direction */
+static inline double mesh_loss(const Unit *m, double direction) {
+  const double tau = m->tau_g * output_share(m), eta = m->mesh_eta, less = fmin(0, m->load_friction_mu);
+  const double driving = 1 + positive(1 / eta - 1 + less), braking = 1 - positive(1 - eta + less);
+  return fabs(tau) * (tau * direction > 0 ? 1 - 1 / driving : 1 / braking - 1);
+}
+
 static void unit_equations(Unit *m) {
   const double N = m->N[0];
   double rate, tau_g = 0;
@@ -65,25 +89,23 @@ static void unit_equations(Unit *m) {
     tau_g = contact(m, delta + half_gap(m), rate);
 
   const double tau_load = m->load_friction_mu > 0 ? m->load_friction_mu * fabs(tau_g / N) : 0;
-  m->tau = tau_g / N * over_ideal(m, tau_g) + friction(m, m->w, tau_load) - m->tau_add;
+  const double over = sticks(m) ? 1 : over_ideal(m, tau_g);
+  m->tau = tau_g / N * over + friction(m, m->w, tau_load) - m->tau_add;
+  m->tau_g = tau_g;
 
   /* J_o dw_o/dt = tau_g - tau_s, eq. 2.30 */
+  const int sliding = m->sliding[0];
   m->der_phi_o = m->w_o;
-  m->der_w_o = (tau_g * output_share(m) - m->tau_s + m->tau_o_add) / m->output_J_o;
+  m->der_w_o = on_the_output(m) / m->output_J_o;
+  if (sticks(m)) m->der_w_o = sliding ? (on_the_output(m) - sliding * mesh_loss(m, sliding)) / m->output_J_o : 0;
 
-  m->tau_g = tau_g;
   m->delta = delta;
   m->J_coupled = m->housing_J_coupled;
-  m->der_W_in = m->tau * m->w;
-  m->der_W_in_abs = fabs(m->der_W_in);
-  m->der_W_out = m->tau_s * m->w_o;
-  m->der_W_out_abs = fabs(m->der_W_out);
 }
 
-static void unit_indicators(const Unit *m, double z[N_EVENT]) {
+static inline void contact_indicators(const Unit *m, double z[N_EVENT]) {
   double rate;
   const double delta = twist(m, &rate), half = half_gap(m);
-  for (int k = 0; k < N_EVENT; k++) z[k] = -1;
   if (isinf(m->N[0])) return; /* neutral: nothing meets */
   switch (m->contact[0]) {
     case GAP:
@@ -109,9 +131,24 @@ static void unit_indicators(const Unit *m, double z[N_EVENT]) {
   }
 }
 
+static void unit_indicators(const Unit *m, double z[N_EVENT]) {
+  for (int k = 0; k < N_EVENT; k++) z[k] = -1;
+  contact_indicators(m, z);
+  if (!sticks(m)) return;
+  for (int k = 0; k < N_EVENT; k++)
+    if (z[k] > 0) return; /* first the contact: what the mesh holds depends on it */
+  const double applied = on_the_output(m);
+  z[EVENT_comes_to_rest] = comes_to_rest(m->sliding[0], m->w_o);
+  z[EVENT_breaks_away] = breaks_away(m->sliding[0], applied, mesh_loss(m, applied));
+}
+
 static void unit_event(Unit *m, int event) {
   const bool front = m->contact[0] == FRONT || m->contact[0] == FRONT_SLACK;
-  if (event == EVENT_touch_front)
+  if (event == EVENT_comes_to_rest)
+    m->w_o = m->sliding[0] = 0;
+  else if (event == EVENT_breaks_away)
+    m->sliding[0] = on_the_output(m) > 0 ? 1 : -1;
+  else if (event == EVENT_touch_front)
     m->contact[0] = FRONT;
   else if (event == EVENT_touch_back)
     m->contact[0] = BACK;

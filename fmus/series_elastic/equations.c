@@ -12,9 +12,4 @@ static void unit_equations(Unit *m) {
 
   const double q = m->reading_counts > 0 ? 2 * PI / m->reading_counts : 0;
   m->tau_reading = m->reading_c_r * (q > 0 ? q * nearbyint(e / q) : e) + m->y_add;
-
-  m->der_W_in = m->tau_s * m->w_o;
-  m->der_W_in_abs = fabs(m->der_W_in);
-  m->der_W_out = m->tau_s * m->w_p;
-  m->der_W_out_abs = fabs(m->der_W_out);
 }

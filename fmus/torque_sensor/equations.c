@@ -35,9 +35,4 @@ static void unit_equations(Unit *m) {
   const double v_max = m->amplifier_v_max;
   m->y = clamp(m->tau_reading * m->amplifier_v_rated / m->amplifier_tau_rated, -v_max, v_max);
   m->overload = fabs(tau_s) > m->amplifier_overload * m->amplifier_tau_rated;
-
-  m->der_W_in = tau_s * m->w_o;
-  m->der_W_in_abs = fabs(m->der_W_in);
-  m->der_W_out = tau_s * m->w_p;
-  m->der_W_out_abs = fabs(m->der_W_out);
 }

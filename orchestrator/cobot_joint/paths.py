@@ -9,6 +9,6 @@ CHECKOUT = PACKAGE.parents[1]  # of an installed package: a folder that has none
 
 
 def folder(name: str) -> Path:
-    """`systems` or `scenarios`: inside the installed package, else at the top of the checkout."""
+    """`systems`, `scenarios` or `docs` (glossary and references): in the installed package, else in the checkout."""
     inside = PACKAGE / name
     return inside if inside.is_dir() else CHECKOUT / name

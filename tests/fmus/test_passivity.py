@@ -56,53 +56,45 @@ def motor(p: Point) -> list[float]:
     return [electrical, *mechanical]
 
 
-def gear(p: Point) -> list[float]:
-    half = max(0.0, p["mesh.b"] + p["backlash.b_x"]) / 2
-    delta, w, w_o, N = p["delta"], p["w"], p["w_o"], p["ratio.N"]
-    n = p["transmission_error.n"]
-    ripple = p["transmission_error.A"] * n * np.cos(n * p["phi_o"] + p["transmission_error.phi_0"])
-    e = np.sign(delta) * max(0.0, abs(delta) - half)
-    spring = p["mesh.c"] * e * max(0.0, 1 + p["stiffness_hardening.h"] * e**2)  # flanks push only
-    rate = w / N - w_o + ripple * w_o
+def transmission(p: Point, spring: float, rate: float, *stored: float) -> list[float]:
+    """Powers into both shafts; out of them into inertia, a spring wound up at a rate, bristles, what else stores."""
     return [
-        (p["tau"] + p["tau_add"]) * w,
-        (p["tau_o_add"] - p["tau_s"]) * w_o,
-        -p["output.J_o"] * w_o * p.rates["w_o"],
+        (p["tau"] + p["tau_add"]) * p["w"],
+        (p["tau_o_add"] - p["tau_s"]) * p["w_o"],
+        -p["output.J_o"] * p["w_o"] * p.rates["w_o"],
         -spring * rate,
         -bristles(p),
+        *stored,
     ]
 
 
+def gear(p: Point) -> list[float]:
+    half = max(0.0, p["mesh.b"] + p["backlash.b_x"]) / 2
+    delta, n = p["delta"], p["transmission_error.n"]
+    ripple = p["transmission_error.A"] * n * np.cos(n * p["phi_o"] + p["transmission_error.phi_0"])
+    e = np.sign(delta) * max(0.0, abs(delta) - half)
+    spring = p["mesh.c"] * e * max(0.0, 1 + p["stiffness_hardening.h"] * e**2)  # flanks push only
+    return transmission(p, spring, p["w"] / p["ratio.N"] - p["w_o"] + ripple * p["w_o"])
+
+
 def harmonic(p: Point) -> list[float]:
-    delta, w, w_o = p["delta"], p["w"], p["w_o"]
+    delta = p["delta"]
     twice = 2 * p["kinematic_error.A"] * np.cos(2 * p["phi"] + p["kinematic_error.phi_0"])
     K_1, K_2, T_1 = p["flex_spline.K_1"], p["flex_spline.K_2"], p["flex_spline.T_1"]
     T_2 = max(T_1, p["flex_spline.T_2"])
     e_1, e_2 = T_1 / K_1, T_1 / K_1 + (T_2 - T_1) / K_2
     corners = np.interp(abs(delta), [0, e_1, e_2], [0, T_1, T_2])
     spring = np.sign(delta) * (corners + p["flex_spline.K_3"] * max(0.0, abs(delta) - e_2))
-    return [
-        (p["tau"] + p["tau_add"]) * w,
-        (p["tau_o_add"] - p["tau_s"]) * w_o,
-        -p["output.J_o"] * w_o * p.rates["w_o"],
-        -spring * (w * (1 / p["ratio.N"] + twice) - w_o),
-        -p["hysteresis.T_h"] * p["hysteresis.phi_h"] * p["z_h"] * p.rates["z_h"],
-        -bristles(p),
-    ]
+    loop = -p["hysteresis.T_h"] * p["hysteresis.phi_h"] * p["z_h"] * p.rates["z_h"]
+    return transmission(p, spring, p["w"] * (1 / p["ratio.N"] + twice) - p["w_o"], loop)
 
 
 def cycloidal(p: Point) -> list[float]:
-    delta, w, w_o, n = p["delta"], p["w"], p["w_o"], p["angle_error.n"]
+    delta, n = p["delta"], p["angle_error.n"]
     share = 1 / p["ratio.N"] + p["angle_error.A"] * n * np.cos(n * p["phi"] + p["angle_error.phi_0"])
     soft = p["mesh.T_1"] / p["mesh.K_1"]
     spring = p["mesh.K_1"] * min(abs(delta), soft) + p["mesh.K_2"] * max(0.0, abs(delta) - soft)
-    return [
-        (p["tau"] + p["tau_add"]) * w,
-        (p["tau_o_add"] - p["tau_s"]) * w_o,
-        -p["output.J_o"] * w_o * p.rates["w_o"],
-        -np.sign(delta) * spring * (w * share - w_o),
-        -bristles(p),
-    ]
+    return transmission(p, np.sign(delta) * spring, p["w"] * share - p["w_o"])
 
 
 def elastic(p: Point) -> list[float]:

@@ -33,7 +33,16 @@ th:first-child, td:first-child { text-align: left; }
   .controls { max-height: none; }
   .shown { order: -1; }
 }
-</style></head><body>{%app_entry%}<footer>{%config%}{%scripts%}{%renderer%}</footer></body></html>"""
+</style></head><body>{%app_entry%}<script>
+// what the library leaves undone: a slider's knob and number are named by its label; what nobody sees takes no focus
+const NAMELESS = ".slider :is(input, [role=slider]):not([aria-label])";
+const UNSEEN = "input[aria-hidden=true][tabindex='0']";
+const name = (part) => part.setAttribute("aria-label", part.closest(".slider").querySelector("label").textContent);
+new MutationObserver(() => {
+  document.querySelectorAll(NAMELESS).forEach(name);
+  document.querySelectorAll(UNSEEN).forEach((part) => { part.tabIndex = -1; });
+}).observe(document.body, { childList: true, subtree: true });
+</script><footer>{%config%}{%scripts%}{%renderer%}</footer></body></html>"""
 
 
 def dash() -> Any:
@@ -70,5 +79,5 @@ def shown(x: float) -> float:
 def two_columns(title: str, controls: Sequence[Any], shown: Sequence[Any]) -> Any:
     """The page: what can be moved at the left, what comes of it at the right; on a phone that is first."""
     html = dash().html
-    columns = [html.Div(list(controls), className="controls"), html.Div(list(shown), className="shown")]
-    return html.Div([html.Header(html.H1(title)), html.Div(columns, className="page")])
+    columns = [html.Div(list(controls), className="controls"), html.Div(list(shown), className="shown", tabIndex="0")]
+    return html.Div([html.Header(html.H1(title)), html.Main(columns, className="page")])

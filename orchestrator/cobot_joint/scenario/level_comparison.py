@@ -81,7 +81,7 @@ def _compare(scenario: LevelComparison, test: LevelTest, path: Path, options: Op
 def _run(
     scenario: LevelComparison, test: LevelTest, level: str, options: Options, *, logged: bool = False
 ) -> tuple[Vector, dict[str, Vector]]:
-    """(time, signal -> values as they are compared, and the phases); logged: as the logger has it."""
+    """(time, signal -> values as they are compared, and the phases); logged: as the bench has it."""
     driven: TimeScenario = load_scenario(test.scenario, {"stop_time": str(test.stop_time)} if test.stop_time else {})
     system = load_system(test.bench if logged else driven.system)
     of_bench = scenario.bench_parameters if logged else {}
@@ -92,14 +92,7 @@ def _run(
     experiment = replace(driven.experiment(system), output_step=step, record=record, **coupling)
     result = simulate(system, experiment)
     found = {name: result.signals[s.of] / s.over for name, s in scenario.signals.items()}
-    if logged:
-        found = {name: running_mean(x, round(scenario.signals[name].average / step)) for name, x in found.items()}
     return result.time, found | {name: x for name, x in result.signals.items() if name in scenario.phases.signals}
-
-
-def running_mean(x: Vector, n: int) -> Vector:
-    """Mean of the last n samples, zeros before the first: float64[len(x)]; n < 2: as it is."""
-    return x if n < 2 else np.convolve(x, np.full(n, 1 / n))[: len(x)]
 
 
 def by_part(time: Vector, error: Vector, transient: float) -> dict[str, float]:

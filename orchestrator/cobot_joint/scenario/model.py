@@ -198,12 +198,11 @@ class CurrentSensorCalibration(BaseScenario):
 
 
 class ComparedSignal(_Model):
-    """`of`/`over` is what errors are of; `of` is an output of the systems. The bench shows means over `average`, s."""
+    """`of`/`over` is what errors are of; `of` is an output of the systems."""
 
     of: str
     over: Positive = 1.0
     unit: str
-    average: Annotated[float, Field(ge=0)] = 0.0
 
 
 class Phases(_Model):

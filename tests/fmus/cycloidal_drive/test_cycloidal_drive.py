@@ -1,19 +1,13 @@
-"""The cycloidal drive alone, against closed forms, and in the gearhead's place."""
+"""The cycloidal drive alone, against closed forms."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
-
-from cobot_joint.scenario.model import load_scenario
-from cobot_joint.scenario.options import Options
-from cobot_joint.scenario.run import run_scenario
-from cobot_joint.units import find_fmu
 
 Make = Callable[..., Any]
 
@@ -69,14 +63,3 @@ def test_angle_error_does_no_work(make: Make, phi: float) -> None:
     gear = make("cycloidal_drive", rest | term)
     assert gear["delta"] == pytest.approx(A * np.sin(n * phi + phi_0), abs=1e-15)
     assert gear["tau"] * w == pytest.approx(gear["tau_g"] * gear["w_o"], rel=1e-9, abs=1e-12)
-
-
-def test_it_takes_the_planetary_gearhead_s_place_in_the_bench(tmp_path: Path) -> None:
-    swap = Options(units={"planetary_gear": str(find_fmu("cycloidal_drive.fmu"))})
-    report = run_scenario(load_scenario("load_mr_brake", {"stop_time": "5"}), tmp_path, swap)
-    signals = {row[0]: row[1:] for row in report.tables[0].rows}
-    fastest, backwards = signals["w_motor [rad/s]"][1], signals["w_pulley [rad/s]"][0]
-    assert backwards == pytest.approx(fastest / N, rel=0.02)
-    residuals = [value for name, value in report.values.items() if name.startswith("energy residual planetary_gear")]
-    assert residuals
-    assert max(residuals) < 1e-5

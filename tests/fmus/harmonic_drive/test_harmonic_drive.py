@@ -1,18 +1,12 @@
-"""The harmonic drive alone, against closed forms, and in the gearhead's place."""
+"""The harmonic drive alone, against closed forms."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-
-from cobot_joint.scenario.model import load_scenario
-from cobot_joint.scenario.options import Options
-from cobot_joint.scenario.run import run_scenario
-from cobot_joint.units import find_fmu
 
 Make = Callable[..., Any]
 
@@ -118,14 +112,3 @@ def test_without_a_ratcheting_torque_teeth_hold(make: Make) -> None:
     gear = make("harmonic_drive", wound_up(0.05))
     gear.step(1e-3)
     assert gear["delta"] == pytest.approx(0.05, rel=1e-6)
-
-
-def test_it_takes_the_planetary_gearhead_s_place_in_the_bench(tmp_path: Path) -> None:
-    swap = Options(units={"planetary_gear": str(find_fmu("harmonic_drive.fmu"))})
-    report = run_scenario(load_scenario("load_mr_brake", {"stop_time": "5"}), tmp_path, swap)
-    signals = {row[0]: row[1:] for row in report.tables[0].rows}
-    fastest, backwards = signals["w_motor [rad/s]"][1], signals["w_pulley [rad/s]"][0]
-    assert backwards == pytest.approx(fastest / N, rel=0.02)
-    residuals = [value for name, value in report.values.items() if name.startswith("energy residual planetary_gear")]
-    assert residuals
-    assert max(residuals) < 1e-5

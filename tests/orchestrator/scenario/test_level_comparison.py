@@ -12,7 +12,7 @@ import pytest
 
 from cobot_joint import paths
 from cobot_joint.errors import UserError
-from cobot_joint.scenario.level_comparison import by_part, running_mean
+from cobot_joint.scenario.level_comparison import by_part
 from cobot_joint.scenario.model import load_scenario
 from cobot_joint.scenario.options import Options
 from cobot_joint.scenario.run import run_scenario
@@ -36,10 +36,6 @@ def test_errors_are_split_where_the_transient_ends() -> None:
     assert found == pytest.approx({"transient": 2.0, "steady": 1.0, "combined": np.sqrt((4 * 4 + 6) / 10)})
 
 
-def test_the_averaged_current_is_the_mean_of_what_has_passed() -> None:
-    assert running_mean(np.array([3.0, 3.0, 3.0, 6.0]), 3) == pytest.approx([1.0, 2.0, 3.0, 4.0])
-
-
 def test_printed_parts_agree_with_the_printed_whole_where_the_transient_ends_as_assumed() -> None:
     """4.1 and 4.2: combined^2 = p*transient^2 + (1 - p)*steady^2 gives p, the share of the transient's samples."""
     scenario = load_scenario("thesis")
@@ -58,8 +54,11 @@ def test_every_figure_of_the_thesis_has_a_row() -> None:
 
 
 def test_the_speed_of_every_level_agrees_with_the_bench_but_for_friction_and_noise(short: tuple[Any, Path]) -> None:
+    """of the bench: white noise, the converter's steps, and counts of the encoder per ms through the drive's filter"""
     report, _ = short
-    noise = np.hypot(0.3, 10 / 4096 / 0.006366197723675814 / np.sqrt(12)) / (338 / 3)  # rad/s at the output
+    a, count = 1 - np.exp(-1e-3 / 0.005), 2 * np.pi / 2000 / 1e-3  # of the filter; rad/s of one count
+    steps = np.array([10 / 4096 / 0.006366197723675814, count * a * np.sqrt(2 / (2 - a))]) / np.sqrt(12)
+    noise = np.linalg.norm([0.3, *steps]) / (338 / 3)  # rad/s at the output
     value = {
         level: report.values[f"no load, {level}: speed, steady [rad/s]"] for level in ("averaged", "comprehensive")
     }

@@ -12,16 +12,18 @@ from typing import Any
 
 import jinja2
 import numpy as np
+from markupsafe import Markup, escape
 
 from cobot_joint.diagnosis.data.conditioning import ChannelQuality
 from cobot_joint.diagnosis.repair.compare import Comparison
-from cobot_joint.diagnosis.report import headline, overlays, pictures
+from cobot_joint.diagnosis.report import explained, headline, overlays, pictures
 from cobot_joint.diagnosis.report.chain import chain_of, marked
 from cobot_joint.diagnosis.report.headline import TermText, number, percent, pretty_unit
 from cobot_joint.diagnosis.report.localization_pictures import located_pictures
 from cobot_joint.diagnosis.report.pictures import Picture
 from cobot_joint.diagnosis.report.words import pulses
 from cobot_joint.files import write_atomically
+from cobot_joint.mathml import typeset
 from cobot_joint.system.model import System
 
 
@@ -89,6 +91,7 @@ def render(data: ReportData) -> str:
         recordings=[_recording(c) for c in data.compared],
         quality=[(name, data.units.get(name, ""), q) for name, q in data.quality.items()],
         provenance=data.provenance,
+        glossary=explained.glossary,
         made=" · ".join(filter(None, (data.created.isoformat() if data.created else "", data.provenance.get("tool")))),
     )
 
@@ -123,8 +126,8 @@ def _finding(f: Mapping[str, Any], d: Mapping[str, Any], terms: Mapping[str, Ter
         "term": f["term"],
         "title": "an unmodelled effect" if f.get("shape") else text.title,
         "component": f["component"],
-        "equation": text.equation,
-        "source": text.source,
+        "equation": Markup(typeset(text.equation)),
+        "source": explained.cited(text.source),
         "large": headline.how_large(f, terms),
         "sure": headline.how_sure(f, d),
         "onset": f.get("onset"),
@@ -151,12 +154,13 @@ def _where(d: Mapping[str, Any], compared: Sequence[Comparison]) -> list[dict[st
 
 
 def _shape(shape: Mapping[str, Any] | None) -> str | None:
-    """An unlisted effect's form in words."""
+    """An unlisted effect's form: its formula typeset, or in words."""
     if not shape:
         return None
-    form = f"{shape['port']} = {shape['formula']}" if shape.get("formula") else f"a table at {shape['port']}"
+    port, formula = escape(shape["port"]), shape.get("formula")
+    form = Markup("{} = {}").format(port, Markup(typeset(formula))) if formula else Markup("a table at {}").format(port)
     on = f", of {', '.join(shape['signals'])}" if shape.get("signals") else ""
-    return f"{form}{on}; takes away {percent(min(shape.get('explains') or 0.0, 1.0))} of the structure"
+    return form + f"{on}; takes away {percent(min(shape.get('explains') or 0.0, 1.0))} of the structure"
 
 
 def _loads(history: Mapping[str, Any] | None) -> str | None:

@@ -25,6 +25,7 @@ from cobot_joint.diagnosis.report.overlays import LEVELS, binned, over_signals
 from cobot_joint.diagnosis.report.pictures import of_panels
 from cobot_joint.diagnosis.report.report import ReportData, render, write_report
 from cobot_joint.diagnosis.selection.confidence import COUNTED, COUNTED_TERMS
+from cobot_joint.mathml import typeset
 from cobot_joint.results.figures import COLOUR, Curve, Panel
 from cobot_joint.system import load_system
 
@@ -112,7 +113,6 @@ def test_the_report_says_where_what_how_sure_and_what_else() -> None:
     for part in (
         "97 %",
         "reversals; creep",
-        "tau = tau_S*exp",
         "0.0021 N.m",
         "0.0019 to 0.0023",
         "motor_bldc.stribeck",
@@ -123,9 +123,13 @@ def test_the_report_says_where_what_how_sure_and_what_else() -> None:
         assert part in text
 
 
+def test_an_added_term_s_equation_is_typeset() -> None:
+    assert f">{typeset(TEXTS['planetary_gear.stribeck'].equation)}</dd>" in render(data("explained", [FINDING]))
+
+
 def test_an_unlisted_effect_has_its_formula_and_its_picture() -> None:
     text = render(data("unlisted", [UNLISTED]))
-    assert "mr_brake_belt.tau_b_add = 0.03*sin(24*phi_b), of phi_b; takes away 93 % of the structure" in words(text)
+    assert f"mr_brake_belt.tau_b_add = {typeset('0.03*sin(24*phi_b)')}, of phi_b; takes away 93 % of the" in text
     assert "The shape of mr_brake_belt.unlisted" in words(text)
 
 
@@ -155,7 +159,8 @@ def test_the_head_of_the_report_has_its_date_and_version_and_leads_to_its_files(
     made = replace(data("explained", [FINDING]), created=date(2026, 3, 1), provenance=facts)
     (head,) = html.fromstring(render(made)).iter("header")
     assert "2026-03-01 · cobot-joint 1.2.3" in head.text_content()
-    (link,) = head.iter("a")
+    link, words = head.iter("a")
+    assert html.fromstring(render(made)).get_element_by_id(words.get("href")[1:]).tag == "dl"
     (place,) = html.fromstring(render(made)).xpath(f"//*[@id='{link.get('href')[1:]}']")
     assert "a.csv (SHA-256 0123456789ab)" in place.text_content()
 
@@ -304,6 +309,30 @@ def test_the_report_prints_on_ten_pages_at_most(tmp_path: Path) -> None:
         ["chromium", *options, f"--print-to-pdf={target}", (tmp_path / "report.html").as_uri()], check=True, timeout=120
     )
     assert 2 <= len(re.findall(rb"/Type\s*/Page\b", target.read_bytes())) <= 10
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance, WCAG 2.1."""
+    digits = colour[1:] if len(colour) == 7 else "".join(2 * digit for digit in colour[1:])
+    share = np.array([int(digits[k : k + 2], 16) / 255 for k in (0, 2, 4)])
+    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+def contrast(one: str, other: str) -> float:
+    """Of two colours, from 1 to 21, WCAG 2.1."""
+    dark, light = sorted(map(luminance, (one, other)))
+    return (light + 0.05) / (dark + 0.05)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark", "print"])
+def test_text_and_curves_stand_out_from_the_paper(scheme: str) -> None:
+    schemes = re.findall(r":root \{(.+?)\}", render(data("explained", [FINDING])), flags=re.S)
+    colours = dict(re.findall(r"--(\w+): (#\w+)", schemes[("light", "dark", "print").index(scheme)]))
+    for text in ("ink", "soft", "mark"):
+        assert contrast(colours[text], colours["paper"]) >= 4.5
+    for shape in (colours["found"], colours["unsure"], colours["good"], *COLOUR.values()):
+        assert contrast(shape, colours["paper"]) >= 3.0
 
 
 def test_numbers_read_as_people_write_them() -> None:

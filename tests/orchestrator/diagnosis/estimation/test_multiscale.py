@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.engine import CALIBRATION, noises
 from cobot_joint.diagnosis.estimation.effects import BaseParameter
 from cobot_joint.diagnosis.estimation.fit import Fit
-from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit
 from cobot_joint.diagnosis.estimation.multiscale import LEAST, WINDOWS, Averaged, out_of_local_minimum
 from cobot_joint.diagnosis.estimation.problem import Noise, Problem, Run
+from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import Parameter, Signals
 
 STEP, SIGMA = 1e-3, 0.02
@@ -94,3 +98,16 @@ def test_averaged_rows_keep_the_variance_of_white_noise_and_what_was_not_recorde
     assert len(residual) == averaged.rows == 3000 // 32
     assert averaged.samples == pytest.approx(3000 // 32, abs=1)
     assert np.std(residual) == pytest.approx(1.0, abs=0.25)
+
+
+@pytest.mark.long
+def test_a_machine_beside_a_background_is_calibrated_to_a_tenth_of_where_a_fit_is_stuck(shared: Path) -> None:
+    campaign = load_campaign(shared / "recordings/field/open/case02", roles=("train",))
+    with FmuPlant(campaign.systems()) as plant:
+        problem = Problem(plant, campaign.train, noises(campaign))
+        bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
+        stuck = fit(problem, Hypothesis(tolerances(problem, bounds)), precision=CALIBRATION)
+        assert stuck is not None
+        found = out_of_local_minimum(problem, stuck, CALIBRATION)
+    assert stuck.chi2 - problem.samples > 200_000
+    assert found.chi2 - problem.samples < 20_500  # what the machine's own values leave of its background: 22,986

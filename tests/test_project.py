@@ -111,10 +111,12 @@ def test_the_licence_of_everything_that_is_required_is_listed() -> None:
     assert listed - {"package", "---"} == declared(*project()["project"]["optional-dependencies"])
 
 
-def test_the_lock_pins_what_an_installation_needs_with_hashes() -> None:
-    entries = re.split(r"\n(?=\S)", (ROOT / "requirements.lock").read_text(encoding="utf-8").strip())
+@pytest.mark.parametrize(("lock", "extras"), [("requirements", False), ("requirements-extras", True)])
+def test_a_lock_pins_what_an_installation_needs_with_hashes(lock: str, extras: bool) -> None:
+    entries = re.split(r"\n(?=\S)", (ROOT / f"{lock}.lock").read_text(encoding="utf-8").strip())
     assert all("==" in entry.splitlines()[0] and "--hash=sha256:" in entry for entry in entries)
-    assert declared() <= {entry.split("==")[0] for entry in entries}
+    wanted = declared(*project()["project"]["optional-dependencies"]) if extras else declared()
+    assert wanted <= {entry.split("==")[0] for entry in entries}
 
 
 def test_the_installed_package_finds_its_data_from_any_folder(tmp_path: Path) -> None:

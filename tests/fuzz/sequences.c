@@ -1,11 +1,13 @@
 /* Random sequences of FMI calls on one unit, for the sanitizers: any order, any value, several instances, states kept and swapped.
  *
  * program FIRST COUNT [THREADS]: sequences FIRST .. FIRST + COUNT - 1, each made of its number alone. UNIT_SOURCE is the unit's
- * sources/all.c. A sequence that takes longer than LIMIT ends the program, as what a sanitizer finds does; its number is printed. */
+ * sources/all.c. A sequence that takes longer than LIMIT ends the program, as what a sanitizer finds does; its number is printed.
+ * At the end it prints how many of the steps were taken. */
 #include UNIT_SOURCE
 
 #include <pthread.h>
 #include <signal.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <unistd.h>
 
@@ -24,6 +26,7 @@ static void print_number(void) { fprintf(stderr, "%s: sequence %lu\n", UNIT_NAME
 void __sanitizer_set_death_callback(void (*callback)(void));
 
 static unsigned long first, count, threads, at;
+static atomic_ulong asked, taken; /* steps */
 static void too_long(int unused) {
   (void)unused;
   fprintf(stderr, "%s: a sequence up to %lu takes more than %d s\n", UNIT_NAME, at, LIMIT);
@@ -129,6 +132,7 @@ static void one_call(Sequence *s) {
   else if (which < 19) {
     const double t = below(s, 10) ? s->time[i] : any_value(s);
     const fmi2Status status = fmi2DoStep(c, t, h, (int)below(s, 2));
+    asked++, taken += status == fmi2OK;
     if (status == fmi2OK) s->time[i] += h;
     if (status == fmi2Error && below(s, 4)) ready(s, i); /* an error stays one: else hardly a step would follow */
   } else if (which == 19) {
@@ -183,5 +187,6 @@ int main(int argc, char **argv) {
     pthread_join(all[k], &result);
     failed |= result != NULL;
   }
+  printf("%s: %lu of %lu steps taken\n", UNIT_NAME, taken, asked);
   return failed;
 }

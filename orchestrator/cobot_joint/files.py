@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import glob
 import os
 import tempfile
 from collections.abc import Callable, Iterator
@@ -23,8 +24,9 @@ def write_atomically(path: Path, write: Callable[[Path], Any]) -> None:
     """
     with _named(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        handle, name = tempfile.mkstemp(f".{os.getpid()}.partial", f".{path.name}.", path.parent)
     os.close(handle)
+    remove_partial(path)
     neighbour = Path(name)
     try:
         with _named(path):
@@ -33,6 +35,27 @@ def write_atomically(path: Path, write: Callable[[Path], Any]) -> None:
             neighbour.replace(path)
     finally:
         neighbour.unlink(missing_ok=True)
+
+
+def remove_partial(path: Path) -> None:
+    """Take away what processes that were killed have left of `path`: .NAME[.*].PID.partial beside it."""
+    for left in path.parent.glob(f".{glob.escape(path.name)}.*.partial"):
+        process = left.name.split(".")[-2]
+        if process.isdigit() and not _runs(int(process)):
+            left.unlink(missing_ok=True)
+
+
+def _runs(process: int) -> bool:
+    """Whether there is such a process; where the system does not say without harm, there is."""
+    if os.name != "posix":
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
 
 
 def writable(folder: Path) -> Path:

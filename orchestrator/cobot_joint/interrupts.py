@@ -1,9 +1,11 @@
-"""Ctrl-C and SIGTERM: what is being done stops, its temporary files are removed, and one line is said."""
+"""Ctrl-C, SIGTERM, a parent that was killed: what is being done stops; where it can, tidily and in one line."""
 
 from __future__ import annotations
 
 import os
 import signal
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -54,6 +56,19 @@ def resumable() -> Iterator[None]:
         yield
     except Interrupted:
         raise Interrupted("goes on from here when called again") from None
+
+
+def end_with(parent: int) -> None:
+    """From now on this process ends when the one that started it has ended, killed or not. POSIX; nothing elsewhere."""
+    name = f"end with {parent}"
+    if os.name == "posix" and os.getpid() != parent and name not in [t.name for t in threading.enumerate()]:
+        threading.Thread(target=_outlive, args=(parent,), name=name, daemon=True).start()
+
+
+def _outlive(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    os._exit(1)
 
 
 def _stop(_number: int, _frame: FrameType | None) -> None:

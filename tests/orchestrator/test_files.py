@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import errno
 import os
+import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from cobot_joint import cli, files
 from cobot_joint.files import write_atomically
+from cobot_joint.results.files import SignalsWriter
 from cobot_joint.system import load_system, write_ssd, write_ssp
 
 
@@ -25,6 +29,22 @@ def test_a_write_that_fails_keeps_the_old_file(tmp_path: Path) -> None:
         write_atomically(tmp_path / "a.json", half)
     assert (tmp_path / "a.json").read_text() == "old"
     assert len(list(tmp_path.iterdir())) == 1
+
+
+def signals(path: Path) -> None:
+    with SignalsWriter(path, {"time": "s"}, {}) as writer:
+        writer.write({"time": np.zeros(3)})
+
+
+@pytest.mark.parametrize("write", [signals, lambda path: write_atomically(path, lambda file: file.write_text("new"))])
+def test_what_a_killed_process_left_is_taken_away(tmp_path: Path, write: Callable[[Path], None]) -> None:
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    for left in (f".a.parquet.{gone.pid}.partial", f".a.parquet.x7_q.{gone.pid}.partial"):
+        (tmp_path / left).touch()
+    (others := tmp_path / f".a.parquet.{os.getppid()}.partial").touch()
+    write(tmp_path / "a.parquet")
+    assert sorted(p.name for p in tmp_path.iterdir()) == [others.name, "a.parquet"]
 
 
 @pytest.mark.parametrize("write", [write_ssd, write_ssp])

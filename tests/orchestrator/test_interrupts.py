@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -81,6 +82,21 @@ def test_an_interrupted_proof_ends_what_it_has_started(tmp_path: Path, number: s
     lines = subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True, check=True).stdout.splitlines()
     assert [line for line in lines if str(tmp_path) in line] == []
     assert not (tmp_path / "case3" / ".work").exists()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a process learns of its parent's end on POSIX only")
+def test_a_process_ends_with_a_parent_that_is_killed() -> None:
+    child = (
+        "import os, time; from cobot_joint.interrupts import end_with; end_with(os.getppid()); print(1); time.sleep(60)"
+    )
+    parent = f"import subprocess, sys; subprocess.run([sys.executable, '-uc', {child!r}])"
+    with subprocess.Popen([sys.executable, "-c", parent], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        process.kill()
+        begin = time.monotonic()
+        process.stdout.read()  # until nobody holds the other end
+    assert time.monotonic() - begin < 10
 
 
 def test_handlers_are_those_of_before(monkeypatch: pytest.MonkeyPatch) -> None:

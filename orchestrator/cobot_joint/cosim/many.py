@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 import pickle
 import tempfile
 import time
@@ -16,6 +17,7 @@ from typing import Any
 from cobot_joint.cosim.experiment import Experiment
 from cobot_joint.cosim.simulation import Simulation
 from cobot_joint.errors import UserError
+from cobot_joint.interrupts import end_with
 from cobot_joint.results.files import SignalsWriter, provenance
 from cobot_joint.results.result import Result
 from cobot_joint.system.model import System
@@ -115,7 +117,8 @@ def _over_processes(campaign: _Campaign, todo: dict[int, Experiment], jobs: int)
 def _parallel(campaign: _Campaign, tasks: list[list[tuple[int, Experiment]]], workers: int) -> Iterator[list[Outcome]]:
     import joblib
 
-    parallel = joblib.Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)
+    lifeline = {"initializer": end_with, "initargs": (os.getpid(),)}
+    parallel = joblib.Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1, **lifeline)
     yield from parallel(joblib.delayed(_run_task)(campaign, task) for task in tasks)
 
 

@@ -21,7 +21,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from cobot_joint.errors import UserError
-from cobot_joint.files import write_atomically
+from cobot_joint.files import remove_partial, write_atomically
 from cobot_joint.results.result import Result
 from cobot_joint.system.model import System
 from cobot_joint.version import __version__
@@ -89,10 +89,7 @@ class SignalsWriter:
 
     def __enter__(self) -> SignalsWriter:
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        for left in self.path.parent.glob(f".{self.path.name}.*.partial"):
-            process = left.name.split(".")[-2]
-            if process.isdigit() and not _runs(int(process)):  # it was killed
-                left.unlink(missing_ok=True)
+        remove_partial(self.path)
         try:
             self._writer = self._files.enter_context(
                 pq.ParquetWriter(self.partial, self.schema, compression="zstd", use_dictionary=False)
@@ -129,19 +126,6 @@ class SignalsWriter:
                 self.partial.replace(self.path)
         finally:
             self.partial.unlink(missing_ok=True)
-
-
-def _runs(process: int) -> bool:
-    """Whether there is such a process; where the system does not say without harm, there is."""
-    if os.name != "posix":
-        return True
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True
 
 
 def _array(x: NDArray[np.float64]) -> pa.Array:

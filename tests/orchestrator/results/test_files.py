@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -78,14 +75,3 @@ def test_columns_are_time_inputs_outputs() -> None:
 def test_table_is_written_with_its_headers(tmp_path: Path) -> None:
     path = write_csv(tmp_path / "t.csv", ["a [s]", "b"], [(1.0, "x"), (1 / 3, "y, z")])
     assert path.read_text() == 'a [s],b\n1,x\n0.333333333,"y, z"\n'
-
-
-def test_what_a_killed_process_left_is_taken_away(tmp_path: Path) -> None:
-    gone = subprocess.Popen([sys.executable, "-c", ""])
-    gone.wait()
-    left, others = (tmp_path / f".signals.parquet.{pid}.partial" for pid in (gone.pid, os.getppid()))
-    left.touch()
-    others.touch()
-    with SignalsWriter(tmp_path / "signals.parquet", {"time": "s"}, {}) as writer:
-        writer.write({"time": np.zeros(3)})
-    assert sorted(p.name for p in tmp_path.iterdir()) == [others.name, "signals.parquet"]

@@ -149,7 +149,8 @@ def _case(campaign: Path, out: Path, baseline: str | None, running: Calls) -> Ca
     path = os.pathsep.join(filter(None, (str(PACKAGE.parent), os.environ.get("PYTHONPATH"))))
     environment = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": path}
     for arguments in calls:
-        command = [sys.executable, "-P", "-m", "cobot_joint.cli", *arguments]
+        program = f"from cobot_joint import cli, interrupts; interrupts.end_with({os.getpid()}); cli.main()"
+        command = [sys.executable, "-P", "-c", program, *arguments]
         status, said = running.run(command, environment)
         if status:
             return CaseResult(campaign.name, "failed", time.monotonic() - begin, f"{arguments[0]}: {said}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,13 +27,15 @@ INERTIA, SURE = 0.15, 4.0  # relative difference between runs, and standard erro
 
 
 def suspicions(recordings: Sequence[Recording]) -> list[Suspicion]:
-    """Of every output of every recording, and of the runs among each other."""
+    """Of every recording, and of the runs among each other. A commanded input may stand still and end at a limit."""
     found = [s for r in recordings for s in _of_recording(r)]
     return found + list(_inertias(recordings))
 
 
 def _of_recording(r: Recording) -> Iterator[Suspicion]:
     moving = False
+    yield from _duplicates(r)
+    yield from (Suspicion(r.name, n, "outlier", words) for n, x in r.inputs.items() if (words := outlier(x)))
     for name, x in r.outputs.items():
         known = x[np.isfinite(x)]
         if len(known) < 2:
@@ -52,6 +55,17 @@ def _of_recording(r: Recording) -> Iterator[Suspicion]:
     if not moving:
         names = ", ".join(r.outputs)
         yield Suspicion(r.name, names, "not excited", "nothing moves beyond the noise: the run tells nothing")
+
+
+def _duplicates(r: Recording) -> Iterator[Suspicion]:
+    """Two outputs with the very same samples: one column was taken for both."""
+    for a, b in combinations(r.outputs, 2):
+        if np.ptp(np.nan_to_num(r.outputs[a])) > 0 and np.array_equal(r.outputs[a], r.outputs[b], equal_nan=True):
+            wrong = not {a, b} <= r.believed
+            words = (
+                f"{r.columns.get(a, a)!r} and {r.columns.get(b, b)!r} have the same samples: one of them is the other's"
+            )
+            yield Suspicion(r.name, f"{a}, {b}", "duplicate", f"{words}; if both are right, scale = 1 for both", wrong)
 
 
 def outlier(x: Vector) -> str:

@@ -7,7 +7,7 @@ from typing import Literal
 
 Kind = Literal[
     "factor", "sign", "swapped", "late", "clock drifts", "drift",  # beside the nominal system
-    "clipped", "frozen", "held", "outlier", "not excited", "inertia differs",  # from the data alone
+    "clipped", "frozen", "held", "outlier", "not excited", "inertia differs", "duplicate",  # from the data alone
 ]  # fmt: skip
 
 

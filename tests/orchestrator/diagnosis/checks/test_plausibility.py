@@ -91,6 +91,7 @@ def hold(x: np.ndarray, r: Recording) -> np.ndarray:
         ("w_motor", lambda x, r: np.interp(r.time - 0.005, r.time, x), "late", "it comes 5"),
         ("w_motor", lambda x, r: np.interp(1.005 * r.time, r.time, x), "clock drifts", "its delay grows by -5"),
         ("w_motor", lambda x, r: np.where(r.time == r.time[77], 1e6, x), "outlier", "1 samples lie far outside"),
+        ("v_command", lambda x, r: np.where(r.time == r.time[77], 1e6, x), "outlier", "1 samples lie far outside"),
     ],
 )
 def test_a_faulty_channel_is_said_in_words(
@@ -108,6 +109,13 @@ def test_two_channels_that_are_swapped_are_named(look: Callable[..., list[Suspic
     with Simulator(load_campaign(root / "proof/open/case01", roles=("train",)).systems()) as simulate:
         (found,) = beside_nominal([swapped], simulate)
     assert (found.kind, found.wrong, found.channel) == ("swapped", True, "i_motor, w_motor")
+
+
+def test_one_column_taken_for_two_channels_is_named_and_sure_enough_to_stop(
+    look: Callable[..., list[Suspicion]],
+) -> None:
+    found = look("tau_sensor", lambda x, r: r.outputs["i_motor"])[0]
+    assert (found.channel, found.kind, found.wrong) == ("i_motor, tau_sensor", "duplicate", True)
 
 
 def test_a_run_that_excites_nothing_is_said(look: Callable[..., list[Suspicion]]) -> None:

@@ -25,7 +25,7 @@ ROOMS = [
     "results",
     "cosim",
     "scenario",
-    "diagnosis/archive.py diagnosis/store.py diagnosis/thresholds.py",
+    "diagnosis/archive.py diagnosis/budget.py diagnosis/store.py diagnosis/thresholds.py",
     "diagnosis/data",
     "diagnosis/drafts",
     "diagnosis/plant",

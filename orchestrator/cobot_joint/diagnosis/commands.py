@@ -42,6 +42,13 @@ Baseline = Annotated[
     ),
 ]
 
+Within = Annotated[
+    float | None,
+    typer.Option(
+        min=0.0, metavar="SECONDS", help="Look at nothing further after that; the answer says what was left out."
+    ),
+]
+
 
 def register(app: typer.Typer) -> None:
     """Add the commands to the application."""
@@ -55,12 +62,7 @@ def diagnose(
         Path | None, typer.Option(help="Folder for the results.", show_default="diagnosis beside the campaign")
     ] = None,
     baseline: Baseline = None,
-    within: Annotated[
-        float | None,
-        typer.Option(
-            min=0.0, metavar="SECONDS", help="Look at nothing further after that; the answer says what was left out."
-        ),
-    ] = None,
+    within: Within = None,
 ) -> dict[str, Any]:
     """Locate where recordings and system differ, name what is missing, and repair the system.
 
@@ -74,10 +76,9 @@ def diagnose(
     from cobot_joint.results.files import read_json
 
     if is_response(campaign):
-        if baseline is not None:
-            raise UserError(f"--baseline {baseline!r} is given, none is there for a frequency response")
-        if within is not None:
-            raise UserError(f"--within {within:g} is given, a frequency response takes as long as it takes")
+        for option, value in (("baseline", baseline), ("within", within)):
+            if value is not None:
+                raise UserError(f"--{option} {value} is given, a frequency response has none")
         return _diagnose_response(campaign, out)
     loaded = load_campaign(campaign)
     folder = results_folder(out or loaded.path.parent / "diagnosis")

@@ -182,8 +182,23 @@ def _select(
         kept = prune(problem, listed)
         return Explanation(calibrated, kept.fit, listed, kept.selected)
     if loads := look_for_external_loads(problem, listed, beside.select, say):
-        return Explanation(calibrated, loads.fit, listed, loads.selected, loads)
+        return _term_in_place(problem, listed, loads, beside) or Explanation(
+            calibrated, loads.fit, listed, loads.selected, loads
+        )
     return _beyond_the_list(campaign, problem, listed, say, store, budget)
+
+
+def _term_in_place(problem: Problem, listed: Selection, loads: Unmodelled, selector: Selector) -> Explanation | None:
+    """A listed term that sets in where a step offset does and leaves as little: the offset was its first jump."""
+    if loads.finding.onset is None:
+        return None
+    start = listed.up_to(len(loads.selected))
+    found = selector.setting_in(start.fit, loads.finding.onset)
+    if found is None or found.cost > loads.fit.cost + thresholds.ALIKE:
+        return None
+    added = Selected(found.hypothesis.terms[-1].name, start.fit.cost - found.cost)
+    selection = replace(start, history=[*start.history, found], selected=[*start.selected, added])
+    return Explanation(listed.history[0], found, selection, selection.selected)
 
 
 def _beyond_the_list(

@@ -213,6 +213,7 @@ def test_where_terms_leave_more_than_noise_and_the_motion_gives_none_a_name_a_ba
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     stated = [{"port": "axis.tau_add", "variable": "time", "rms": 2e-3, "unit": "N.m"}]
+    monkeypatch.setattr(engine, "can_follow", lambda campaign, plant: True)
     monkeypatch.setattr(engine, "follow", lambda campaign, plant, say: Search(background=stated))
     found = diagnose_plant(drifting(), Axis())
     assert found.verdict == "nothing_missing"
@@ -224,6 +225,7 @@ def test_where_terms_explain_down_to_the_noise_the_motion_is_not_asked(monkeypat
     def asked(campaign, plant, say):  # type: ignore[no-untyped-def]
         raise AssertionError
 
+    monkeypatch.setattr(engine, "can_follow", lambda campaign, plant: True)
     monkeypatch.setattr(engine, "follow", asked)
     assert [f.term for f in diagnose_plant(campaign(OFF | {"axis.windage.c": 6e-5}), Axis()).findings] == [
         "axis.windage"

@@ -104,6 +104,18 @@ class Scan:
                 by_term[name] = _in_proportion(by_term[name][0], by_term[leader])
         return [c for columns in by_term.values() for c in columns]
 
+    def setting_in(self, fit: Fit, onset: float, skip: Collection[str] = ()) -> list[Column]:
+        """Columns of terms that are off until `onset`, of middle shapes and of the orders that stand out.
+
+        An angle's error that sets in is a jump first, which the column of one that was always there does not show.
+        """
+        terms = [t for t in self.terms if not t.episode and t.name not in self.indistinguishable and t.name not in skip]
+        terms = [t for t in terms if any(self.problem.plant.has(t.name, r) for r in self.problem.recordings)]
+        whole = [t for t in terms if any(s.whole for s in t.shapes)]
+        orders = self._orders(fit, whole)
+        wanted = [(t, s) for t in terms for s in (_shapes(t, orders) if t in whole else [_middle(t, orders)])]
+        return self._run(fit, wanted, onset)
+
     def _note_indistinguishable(self, terms: Sequence[TermCandidate], first: Mapping[str, Sequence[Column]]) -> None:
         """Terms of one name in units that respond alike: the first unit's leads."""
         families: dict[str, list[TermCandidate]] = {}
@@ -120,8 +132,13 @@ class Scan:
         leader = self.indistinguishable.get(name, name)
         return {leader, *(t for t, other in self.indistinguishable.items() if other == leader)}
 
-    def _run(self, fit: Fit, wanted: Sequence[tuple[TermCandidate, Mapping[str, float]]]) -> list[Column]:
-        runs = [run for term, shape in wanted for run in _probes(fit.run, term, shape, self.probe[term.name])]
+    def _run(
+        self, fit: Fit, wanted: Sequence[tuple[TermCandidate, Mapping[str, float]]], onset: float | None = None
+    ) -> list[Column]:
+        runs = []
+        for term, shape in wanted:
+            late = {} if onset is None else {term.amplitude: onset}
+            runs += [run.with_values({}, late) for run in _probes(fit.run, term, shape, self.probe[term.name])]
         with self._told():
             known = None if fit.run.added else self._simulated
             simulated = iter(self.problem.simulate(runs, fit.simulated, known=known))

@@ -101,6 +101,13 @@ class Competition:
         hopeless = later.cost - lowest > thresholds.HOPELESS * (best.cost - lowest)
         return later if hopeless else self.with_onset(later)
 
+    def setting_in(self, best: Fit, ranked: Sequence[Score], onset: float) -> Fit | None:
+        """The best of the first few beside `best`, each off until about `onset`. None: none can be simulated."""
+        at_once = [self.sized(best, replace(score.active, onset=onset)) for score in ranked[:FITTED]]
+        fits = [found for active in at_once if (found := fit_added(self.problem, best, [active], ROUGH)) is not None]
+        lowest = min(fits, key=attrgetter("cost"), default=None)
+        return self.finished(self.with_onset(lowest)) if lowest is not None else None
+
     def sized(self, best: Fit, active: ActiveTerm) -> ActiveTerm:
         """The term at that multiple of the score test's amplitude which fits best as it is.
 

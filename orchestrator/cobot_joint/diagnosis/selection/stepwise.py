@@ -173,6 +173,13 @@ class Selector:
                 return ranked, found, winner
         return ranked, found, None
 
+    def setting_in(self, best: Fit, onset: float) -> Fit | None:
+        """The best listed term that is off until about then, beside a fit. None: none can be simulated."""
+        active = {a.name for a in best.hypothesis.terms}
+        self.progress(f"terms that set in at {onset:.3g} s")
+        ranked = scores(self.problem, best, self.scan.setting_in(best, onset, skip=active))
+        return self.competition.setting_in(best, ranked, onset)
+
     def promised(self, best: Fit) -> float:
         """Share of what a fit leaves above noise that a term which acts for the whole time would take."""
         ranked = scores(self.problem, best, self.scan.columns(best))

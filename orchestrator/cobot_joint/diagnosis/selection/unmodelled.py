@@ -107,15 +107,15 @@ def _look(problem: Problem, start: Fit, selected: list[Selected], say: Say, leas
         return None
     answer = partial(_answer, problem, start, selected)
     found = _best(places, answer)
-    found = found if found is not None and found.taken > thresholds.ENOUGH else None
-    if found is None and places[0].points < least * (start.chi2 - problem.samples):
+    nearly_all = found is not None and found.taken > thresholds.ENOUGH
+    if not nearly_all and places[0].points < least * (start.chi2 - problem.samples):
         return None
     near = [p for p in places[:2] if p.columns and p.points > thresholds.NEAR_PORT * places[0].points]
     if not _settled(problem, start, places, found):
         for place in near:
             place.look_closer(problem, start)
-        closer = _best(places, answer)
-        found = max(filter(None, (found, closer)), key=lambda each: each.finding.gain, default=None)
+        both = _best(places, answer), found if nearly_all else None
+        found = max(filter(None, both), key=lambda unmodelled: unmodelled.finding.gain, default=None)
     if found is None or found.taken < thresholds.ENOUGH:
         say("forms that set in later")
         tried = [each for p in near if (each := look_late(problem, start, p.columns)) is not None]

@@ -48,3 +48,15 @@ def test_a_signal_at_a_port_takes_what_the_term_that_it_imitates_does() -> None:
         s for s in scores(problem, base, Scan(problem, TERMS).columns(base)) if s.term.name == "axis.windage"
     )
     assert gain == pytest.approx(windage.gain, rel=0.05)
+
+
+def test_a_term_that_sets_in_does_nothing_before() -> None:
+    problem, base = refitted()
+    scan = Scan(problem, [t for t in TERMS if t.phase])  # the axis has these alone with an onset
+    scan.columns(base)
+    columns = scan.setting_in(base, 2.2)
+    assert {c.term.name for c in columns} == {"axis.cogging"}
+    assert scan.setting_in(base, 2.2, skip={"axis.cogging"}) == []
+    for vector in (v for c in columns for v in c.vectors):
+        assert np.all(vector[problem.times() < 2.2] == 0)
+        assert np.any(vector[problem.times() > 2.3] != 0)

@@ -83,6 +83,8 @@ def diagnose_plant(
     say("locating the difference")
     located = store.remember("located", calibrated.x, lambda: locate_difference(problem, calibrated).to_json())
     found, explanation = explain(campaign, problem, calibrated, say, store, budget)
+    if budget.left_out:  # what was not looked at may explain it better: no name is a claim yet
+        found.findings = [replace(f, confidence=min(f.confidence, thresholds.WITHHELD)) for f in found.findings]
     found.located = located
     if explanation.calibrated is not calibrated:  # a better one came up on the way
         again = explanation.calibrated

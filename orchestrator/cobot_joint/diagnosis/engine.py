@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.answer import diagnosis as anchored_diagnosis
@@ -76,9 +77,15 @@ def diagnose_plant(
     budget: Budget | None = None,
 ) -> Diagnosis:
     """`diagnose` with any simulator."""
-    begun, budget = time.monotonic(), budget or Budget()
-    prefetch()
     say, store = progress or (lambda words: None), store or Store(None)
+    # simulations fill the cores, and BLAS's threads spin while they wait for one that has none
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _diagnosed(campaign, plant, say, store, budget or Budget())
+
+
+def _diagnosed(campaign: Campaign, plant: Plant, say: Progress, store: Store, budget: Budget) -> Diagnosis:
+    begun = time.monotonic()
+    prefetch()
     problem, calibrated = calibrate(campaign, plant, say, store)
     say("locating the difference")
     located = store.remember("located", calibrated.x, lambda: locate_difference(problem, calibrated).to_json())

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 from scipy.signal import lfilter
+from threadpoolctl import threadpool_info
 
 from cobot_joint.diagnosis import engine
 from cobot_joint.diagnosis.anchored.search import Search
@@ -49,6 +50,16 @@ def test_whitening_leaves_white_noise_of_unit_variance(colour: float) -> None:
     white = p.whiten([{"w": rounded}])
     assert np.var(white) == pytest.approx(1.0, rel=0.06)
     assert abs(np.mean(white[1:] * white[:-1])) < 4 / np.sqrt(3000)
+
+
+def test_linear_algebra_takes_one_thread_beside_the_simulations_and_gives_back_the_others() -> None:
+    def threads() -> list[int]:
+        return [pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"]
+
+    before, during = threads(), list[int]()
+    diagnose_plant(campaign(OFF), Axis(), progress=lambda _: during.extend(threads()))
+    assert set(during) == {1}
+    assert threads() == before
 
 
 def test_a_bounded_step_is_that_of_the_textbook_solver() -> None:

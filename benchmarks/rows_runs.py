@@ -68,7 +68,7 @@ def hour() -> list[Row]:
     with tempfile.TemporaryDirectory() as folder:
         for length in LENGTHS:
             out = Path(folder) / f"{length:g}"
-            call = [sys.executable, "-m", "cobot_joint.cli", "run", bench.SCENARIO, "--out", str(out)]
+            call = [sys.executable, "-m", "cobot_joint", "run", bench.SCENARIO, "--out", str(out)]
             seconds[length], peaks[length] = _usage([*call, "--set", f"stop_time={length:g}"])
             sizes[length] = (out / "signals.parquet").stat().st_size / 1e6
     short, middle, long = LENGTHS

@@ -18,7 +18,7 @@ MOST_LINES, MOST_ARGUMENTS, MOST_FILES = 60, 7, 14
 ROOMS = [
     "version.py",
     "errors.py",
-    "files.py interrupts.py mathml.py pack.py paths.py precautions.py screen.py",
+    "files.py interrupts.py mathml.py pack.py paths.py screen.py",
     "xml.py",
     "units.py",
     "system",
@@ -47,7 +47,8 @@ ROOMS = [
     "live",
     "api.py",
     "__init__.py",
-    "cli.py",
+    "cli",
+    "__main__.py",
 ]
 
 

@@ -84,7 +84,7 @@ def test_sweep_runs_the_grid_and_gives_what_single_runs_give() -> None:
 
 
 def test_load_results_opens_what_run_wrote(tmp_path: Path) -> None:
-    call = [sys.executable, "-m", "cobot_joint.cli", "run", "load_mr_brake", "--set", "stop_time=0.2"]
+    call = [sys.executable, "-m", "cobot_joint", "run", "load_mr_brake", "--set", "stop_time=0.2"]
     subprocess.run([*call, "--out", tmp_path], check=True, capture_output=True)
     for path in (tmp_path, tmp_path / "signals.parquet", str(tmp_path)):
         result = cj.load_results(path)

@@ -24,7 +24,7 @@ from cobot_joint.version import __version__
 
 
 def cobot_joint(*words: str, folder: Path, columns: int | None = None) -> subprocess.CompletedProcess[str]:
-    call = [sys.executable, "-m", "cobot_joint.cli", *words]
+    call = [sys.executable, "-m", "cobot_joint", *words]
     here = {name: value for name, value in os.environ.items() if name != "COLUMNS"}  # of whoever runs the tests
     here |= {"COLUMNS": str(columns)} if columns else {}
     return subprocess.run(call, cwd=folder, env=here, capture_output=True, text=True, check=False)

@@ -23,7 +23,7 @@ def interrupted(
     words: list[str], folder: Path, number: signal.Signals, ready: Callable[[], bool]
 ) -> tuple[int, str, float]:
     """(exit status, what was said on stderr, s until it ended) of a command that gets a signal when `ready`."""
-    call = [sys.executable, "-m", "cobot_joint.cli", *words]
+    call = [sys.executable, "-m", "cobot_joint", *words]
     with subprocess.Popen(call, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
         while process.poll() is None and not ready():
             time.sleep(0.02)

@@ -114,8 +114,8 @@ def without(content: Any) -> Any:
 def test_killed_at_any_moment_and_called_again_it_ends_as_if_undisturbed(what: str, root: Path, tmp_path: Path) -> None:
     cases = {"diagnose": ["case"], "prove": ["set/a", "set/b"], "sweep": []}[what]
     words = {
-        "diagnose": ["-m", "cobot_joint.cli", "diagnose", "case"],
-        "prove": ["-m", "cobot_joint.cli", "prove", "set"],
+        "diagnose": ["-m", "cobot_joint", "diagnose", "case"],
+        "prove": ["-m", "cobot_joint", "prove", "set"],
         "sweep": ["sweep.py"],
     }[what]
 

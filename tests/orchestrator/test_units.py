@@ -116,7 +116,7 @@ def test_the_cache_keeps_its_size_and_what_may_be_in_use(tmp_path: Path, monkeyp
 def test_without_a_cache_nothing_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "cache"), "TMPDIR": str(tmp_path / "tmp")}
     (tmp_path / "tmp").mkdir()
-    command = [sys.executable, "-m", "cobot_joint.cli", "run", "no_load", "--set", "stop_time=0.1", "--no-cache"]
+    command = [sys.executable, "-m", "cobot_joint", "run", "no_load", "--set", "stop_time=0.1", "--no-cache"]
     subprocess.run(command, cwd=tmp_path, env=environment, check=True, capture_output=True)
     assert not (tmp_path / "cache" / "cobot-joint").exists()
     assert [p for p in (tmp_path / "tmp").iterdir() if p.name.startswith("cobot-joint")] == []

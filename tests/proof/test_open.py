@@ -14,7 +14,7 @@ import pytest
 def test_two_effects_of_which_neither_promises_much_while_the_other_is_missing_are_both_named(
     root: Path, tmp_path: Path
 ) -> None:
-    command = [sys.executable, "-m", "cobot_joint.cli", "diagnose", root / "proof/open/case14/campaign.toml"]
+    command = [sys.executable, "-m", "cobot_joint", "diagnose", root / "proof/open/case14/campaign.toml"]
     subprocess.run([*command, "--out", tmp_path], check=True)
     answer = json.loads((tmp_path / "diagnosis.json").read_text())
     found = {f["term"]: f["confidence"] for f in answer["findings"]}

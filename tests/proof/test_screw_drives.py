@@ -16,7 +16,7 @@ pytestmark = pytest.mark.long
 def diagnosed(root: Path, drive: int, out: Path) -> dict[str, Any]:
     """diagnosis.json of the command as it is typed."""
     campaign = root / f"proof/real/screw_drive_{drive}/campaign.toml"
-    subprocess.run([sys.executable, "-m", "cobot_joint.cli", "diagnose", campaign, "--out", out], check=True)
+    subprocess.run([sys.executable, "-m", "cobot_joint", "diagnose", campaign, "--out", out], check=True)
     answer: dict[str, Any] = json.loads((out / "diagnosis.json").read_text())
     return answer
 

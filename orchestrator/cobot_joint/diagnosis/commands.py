@@ -95,8 +95,7 @@ def diagnose(
             console.print(f"[dim]{escape(recording.name)}: {escape(note)}[/dim]", soft_wrap=True)
     console.print(f"\n[bold]{escape(result.sentence)}[/bold]", soft_wrap=True)
     content = result.diagnosis
-    for crash in content.get("crashes", ()):
-        console.print(f"[yellow]{escape(crash)}[/yellow]", soft_wrap=True)
+    _warn_of_crashes(content)
     if said := left_out(content):
         console.print(f"[yellow]{escape(said)}[/yellow]", soft_wrap=True)
     if content["findings"]:
@@ -113,6 +112,11 @@ def diagnose(
     return read_json(folder / "diagnosis.json")
 
 
+def _warn_of_crashes(content: dict[str, Any]) -> None:
+    for crash in content.get("crashes", ()):
+        console.print(f"[yellow]{escape(crash)}[/yellow]", soft_wrap=True)
+
+
 def _diagnose_response(campaign: Path, out: Path | None) -> dict[str, Any]:
     """`diagnose` of amplitudes over frequency: every reading of the experiment beside the others."""
     from cobot_joint.diagnosis.frequency_run import diagnose_response_campaign
@@ -123,6 +127,7 @@ def _diagnose_response(campaign: Path, out: Path | None) -> dict[str, Any]:
     with resumable(), _stages() as progress:
         result = diagnose_response_campaign(path, folder, progress=progress)
     console.print(f"\n[bold]{escape(result.sentence)}[/bold]", soft_wrap=True)
+    _warn_of_crashes(result.diagnosis)
     if result.diagnosis["findings"]:
         console.print(_findings(result.diagnosis["findings"]))
     grid = Table(title="rms of ln(simulated/measured)", title_justify="left", title_style="bold")

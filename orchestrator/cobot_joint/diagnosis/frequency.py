@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -104,6 +104,7 @@ class Response:
     system: System
     recording: Recording
     noise: float
+    crashes: list[str] = field(default_factory=list)  # of units, in what was simulated so far
 
 
 def load_response(path: Path) -> Response:
@@ -169,7 +170,9 @@ def diagnose_response(
         repaired, equivalent = choose(base, allowed, len(ranking))
         readings.append(Reading(alternative, nominal, base, repaired, ranking, equivalent))
     best = min(readings, key=lambda r: r.repaired.chi2)
-    return _diagnosis(response, best, readings), readings
+    diagnosis = _diagnosis(response, best, readings)
+    diagnosis.crashes = list(dict.fromkeys(response.crashes))
+    return diagnosis, readings
 
 
 @contextmanager
@@ -181,6 +184,7 @@ def _problems(response: Response, alternative: Alternative) -> Iterator[tuple[Pr
         every = by_frequency(response.recording)
         few = quick(every, response.experiment.settle)
         yield Problem(plant, every, noise, step=SMOOTH), Problem(plant, few, noise, step=SMOOTH)
+        response.crashes.extend(str(crash) for crash in plant.plant.crashes.values())
 
 
 def _calibrate(response: Response, alternative: Alternative) -> tuple[float, Fit]:

@@ -86,3 +86,20 @@ def test_a_unit_that_always_crashes_is_the_line_of_run(
     assert diagnosed.startswith(line)
     with pytest.raises(SimulationError, match=r"crashed \(SIGABRT: .*; in sine"):
         diagnose(load_campaign(folder))
+
+
+@pytest.mark.long
+def test_a_frequency_response_passes_over_what_crashes_its_unit_and_says_so(
+    make_component: MakeComponent, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    write_ssp(system_of(make_component("axis", "axis")), tmp_path / "axis.ssp")
+    amplitudes = "".join(f"{w},{0.4 / np.hypot(2e-3, 1e-3 * w):.6g}\n" for w in np.geomspace(5, 50, 12))
+    (tmp_path / "table.csv").write_text("omega [rad/s],amplitude [rad/s]\n" + amplitudes)
+    (tmp_path / "campaign.toml").write_text(
+        'system = "axis.ssp"\nrecording = [{ file = "table.csv" }]\n[tolerances]\n"axis.friction.d" = "10 %"\n'
+        '[frequency_response]\ninput = "u"\namplitude = 0.4\noutput = "w"\nsettle = 0.5\n'
+    )
+    assert status(monkeypatch, "diagnose", tmp_path) == 0
+    (crash,) = json.loads((tmp_path / "diagnosis" / "diagnosis.json").read_text())["crashes"]
+    assert "axis.asymmetry.tau_A = " in crash
+    assert crash in capfd.readouterr().out

@@ -144,7 +144,7 @@ def test_a_unit_that_crashed_runs_again(make_component: MakeComponent) -> None:
 
 def test_a_run_that_is_killed_leaves_no_process(make_component: MakeComponent, tmp_path: Path) -> None:
     write_ssp(system_of(make_component("sleep_in_DoStep", "crash")), tmp_path / "crash.ssp")
-    command = [sys.executable, "-m", "cobot_joint.cli", "run", "crash.ssp", "--time-limit", "60"]
+    command = [sys.executable, "-m", "cobot_joint", "run", "crash.ssp", "--time-limit", "60"]
     running = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE)
     while not hosts():
         assert running.poll() is None
@@ -159,7 +159,7 @@ def test_a_run_that_is_killed_leaves_no_process(make_component: MakeComponent, t
 
 def test_ctrl_c_does_not_wait_for_a_unit_that_hangs(make_component: MakeComponent, tmp_path: Path) -> None:
     write_ssp(system_of(make_component("sleep_in_DoStep", "crash")), tmp_path / "crash.ssp")
-    command = [sys.executable, "-m", "cobot_joint.cli", "run", "crash.ssp", "--time-limit", "60"]
+    command = [sys.executable, "-m", "cobot_joint", "run", "crash.ssp", "--time-limit", "60"]
     running = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
     while not hosts():
         assert running.poll() is None

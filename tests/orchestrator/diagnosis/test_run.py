@@ -443,7 +443,7 @@ def test_a_diagnosis_that_is_killed_goes_on_and_says_the_same(tmp_path: Path) ->
     (tmp_path / "campaign.toml").write_text(f'title = "killed"\nsystem = "joint"\n{entry}')
 
     def start(out: str) -> subprocess.Popen:
-        call = [sys.executable, "-m", "cobot_joint.cli", "diagnose", str(tmp_path), "--out", str(tmp_path / out)]
+        call = [sys.executable, "-m", "cobot_joint", "diagnose", str(tmp_path), "--out", str(tmp_path / out)]
         return subprocess.Popen(call, stdout=subprocess.DEVNULL)
 
     killed, work = start("killed"), tmp_path / "killed/.work"

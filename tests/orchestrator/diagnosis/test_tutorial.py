@@ -40,7 +40,7 @@ def test_the_commands_of_the_page_lead_from_a_csv_to_a_verified_repair(tmp_path:
         write_log(tmp_path / name, seed)
     page = (root / "docs/own-bench.md").read_text()
     for line in re.findall(r"^    cobot-joint (.+)$", page, flags=re.MULTILINE):
-        call = [sys.executable, "-m", "cobot_joint.cli", *shlex.split(line)]
+        call = [sys.executable, "-m", "cobot_joint", *shlex.split(line)]
         done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=False)
         assert done.returncode == 0, f"{line}: {done.stderr}"
     answer = json.loads((tmp_path / "answer/diagnosis.json").read_text())

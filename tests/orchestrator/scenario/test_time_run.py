@@ -125,7 +125,7 @@ def test_digest_in_pieces_is_the_digest_of_the_whole() -> None:
 def test_memory_does_not_grow_with_the_run(tmp_path: Path) -> None:
     def peak(stop_time: float) -> float:
         """MB"""
-        call = [sys.executable, "-m", "cobot_joint.cli", "run", "load_mr_brake", "--out", str(tmp_path)]
+        call = [sys.executable, "-m", "cobot_joint", "run", "load_mr_brake", "--out", str(tmp_path)]
         process = subprocess.Popen([*call, "--set", f"stop_time={stop_time}"], cwd=tmp_path, stdout=subprocess.DEVNULL)
         _, status, usage = os.wait4(process.pid, 0)
         assert status == 0

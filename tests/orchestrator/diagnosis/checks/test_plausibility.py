@@ -171,7 +171,7 @@ def milliamperes(root: Path, folder: Path, entry: str = "") -> Path:
 
 def test_mA_declared_as_A_ends_the_diagnosis_in_one_line_within_seconds(root: Path, tmp_path: Path) -> None:
     begun = time.monotonic()
-    call = [sys.executable, "-m", "cobot_joint.cli", "diagnose", str(milliamperes(root, tmp_path))]
+    call = [sys.executable, "-m", "cobot_joint", "diagnose", str(milliamperes(root, tmp_path))]
     done = subprocess.run(call, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1

@@ -14,9 +14,8 @@ def _():
     import numpy as np
 
     import cobot_joint as cj
-    from cobot_joint.system import write_ssp
 
-    return Path, cj, mkdtemp, mo, np, write_ssp
+    return Path, cj, mkdtemp, mo, np
 
 
 @app.cell
@@ -30,9 +29,8 @@ def _(mo):
 
 
 @app.cell
-def _(Path, cj, mkdtemp, np, write_ssp):
+def _(Path, cj, mkdtemp, np):
     folder = Path(mkdtemp(prefix="cobot-joint-"))
-    write_ssp(cj.load_system("joint_no_load"), folder / "machine.ssp")
     machine = {"planetary_gear.stribeck.tau_S": 1.5e-3, "planetary_gear.stribeck.w_S": 20.0}
     rng = np.random.default_rng(1)
     time = np.arange(0, 6.0, 1e-3)
@@ -53,7 +51,7 @@ def _(Path, cj, mkdtemp, np, write_ssp):
             comments="",
         )
     (folder / "campaign.toml").write_text("""
-    system = "machine.ssp"
+    system = "joint_no_load"
     [channels]
     "u [V]" = "v_command"
     "i [A]" = "i_motor"

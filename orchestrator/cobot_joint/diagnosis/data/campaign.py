@@ -29,7 +29,7 @@ from cobot_joint.diagnosis.data.suspicion import Suspicion
 from cobot_joint.diagnosis.data.tables import read_table
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import System
-from cobot_joint.system.read import load_system
+from cobot_joint.system.read import load_system, system_names
 from cobot_joint.system.wiring import warn_of_unconnected, with_inputs
 
 
@@ -243,18 +243,17 @@ def _first(error: ValidationError) -> str:
 
 def systems_of(path: Path, given: CampaignFile) -> tuple[CampaignFile, dict[str, Path]]:
     """Defaults that come with the system, and set-up -> system file."""
-    if given.system.endswith((".ssp", ".ssd")):
-        file = path.parent / given.system
-        if not file.is_file():
-            raise UserError(f"{path}: system {given.system!r}: there is no {file}")
-        defaults, folder, single = CampaignFile(), path.parent, file
-    else:
-        systems = paths.folder("systems")
-        sidecar = systems / f"{given.system}.campaign.toml"
-        if not sidecar.is_file():
-            shipped = ", ".join(sorted(f.name.removesuffix(".campaign.toml") for f in systems.glob("*.campaign.toml")))
-            raise UserError(f"{path}: system {given.system!r} is given, {shipped} or an .ssp or .ssd file is allowed")
-        defaults, folder, single = read_campaign_file(sidecar), systems, systems / f"{given.system}.ssd"
+    defaults, folder = CampaignFile(), path.parent
+    single = folder / given.system
+    if given.system in system_names():
+        folder = paths.folder("systems")
+        single, sidecar = folder / f"{given.system}.ssd", folder / f"{given.system}.campaign.toml"
+        defaults = read_campaign_file(sidecar) if sidecar.is_file() else defaults
+    elif single.suffix not in (".ssp", ".ssd"):
+        allowed = among([*system_names(), "an .ssp or .ssd file"])
+        raise UserError(f"{path}: system {given.system!r} is given, allowed are {allowed}")
+    elif not single.is_file():
+        raise UserError(f"{path}: system {given.system!r}: there is no {single}")
     setups = {name: folder / file for name, file in (defaults.setups | given.setups).items()}
     if given.setups:
         setups |= {name: path.parent / file for name, file in given.setups.items()}

@@ -73,7 +73,10 @@ def test_connectors_are_those_of_the_system_and_of_its_components(axis: Path) ->
         ),
         (('"axis.s"\n', '"axis.x"\n'), "'axis.x': axis.ssd has no such connector, it has u, axis.s, axis.F, axis.u"),
         (('"axis.ssd"', '"exo.ssd"'), "system 'exo.ssd': there is no"),
-        (('"axis.ssd"', '"exo"'), "system 'exo' is given, joint or an .ssp or .ssd file is allowed"),
+        (
+            ('"axis.ssd"', '"exo"'),
+            "system 'exo' is given, allowed are current_sensor_calibration, joint, ",
+        ),
         (("[[recording]]", "[[recording"), "not a TOML file"),
         (("qm [mm]", "qm [A]"), "unit 'A' is given, one that converts to 'm' is needed"),
     ],
@@ -90,6 +93,19 @@ def test_a_wrong_campaign_is_refused_in_one_line(
 def test_a_campaign_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="there is no such campaign file"):
         load_campaign(tmp_path / "campaign.toml")
+
+
+def test_every_shipped_system_is_a_campaigns_by_its_name(tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text(
+        "t [s],u [V],w [rad/s]\n" + "".join(f"{k / 100},{k % 7},{k}\n" for k in range(99))
+    )
+    (tmp_path / "campaign.toml").write_text(
+        'system = "joint_no_load"\n[channels]\n"u [V]" = "v_command"\n"w [rad/s]" = "w_motor"\n'
+        '[tolerances]\n"motor_bldc.winding.R" = "10 %"\n[[recording]]\nfile = "run.csv"\n'
+    )
+    campaign = load_campaign(tmp_path)
+    assert [system.name for system in campaign.systems().values()] == ["joint_no_load"]
+    assert set(campaign.tolerances) == {"motor_bldc.winding.R"}
 
 
 def test_an_open_campaign_reads_without_a_word(root: Path) -> None:

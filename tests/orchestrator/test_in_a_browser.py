@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import io
+import os
 import shutil
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import date
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
+from PIL import Image
 
 pytest.importorskip("dash", reason="the extra [live] is not installed")
 pytest.importorskip("axe_playwright_python", reason="the extra [dev] is not installed")
@@ -32,6 +38,14 @@ pytestmark = pytest.mark.long
 
 WIDE, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
 VIEWS = [(WIDE, "light"), (WIDE, "dark"), (PHONE, "light"), (PHONE, "dark")]
+KEPT = Path(__file__).parent / "diagnosis" / "report" / "screens"  # renewed with COBOT_JOINT_KEEP_SCREENS=1
+SCREENS = {
+    "wide": (WIDE, "screen"),
+    "tablet": ({"width": 820, "height": 1180}, "screen"),
+    "phone": (PHONE, "screen"),
+    "print": ({"width": 794, "height": 1123}, "print"),  # A4 at 96 dots per inch
+}
+CELL, VISIBLE, LIKE = 10, 40, 0.02  # px; grey levels of 255; share of cells: another font's letters stay below
 STRIBECK = TermText("Stribeck friction", "tau = tau_S*exp(-(w/w_S)^2)*sgn(w, w_C)", "Dahl 1968; Karnopp 1985")
 
 
@@ -90,6 +104,35 @@ def found_by_axe(page: Any) -> list[str]:
 
 def fits(page: Any) -> bool:
     return page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+
+
+def cells(picture: bytes) -> NDArray[np.float64]:
+    """Mean grey levels of squares of CELL px: (rows, columns)"""
+    image = Image.open(io.BytesIO(picture)).convert("L")
+    return np.asarray(image.reduce(CELL), dtype=np.float64)
+
+
+def unlike(a: bytes, b: bytes) -> float:
+    """Share of cells that look different; 1: other sizes."""
+    x, y = cells(a), cells(b)
+    return float(np.mean(np.abs(x - y) > VISIBLE)) if x.shape == y.shape else 1.0
+
+
+@pytest.mark.parametrize("name", SCREENS)
+def test_the_first_screen_of_the_report_looks_as_it_was_kept(chromium: Any, report: str, name: str) -> None:
+    size, medium = SCREENS[name]
+    page, _ = opened(chromium, report, size)
+    page.emulate_media(media=medium)
+    if medium == "print":
+        page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    page.wait_for_timeout(1500)
+    seen = page.screenshot()
+    kept = KEPT / f"{name}.png"
+    if os.environ.get("COBOT_JOINT_KEEP_SCREENS"):
+        kept.write_bytes(seen)
+    assert unlike(seen, kept.read_bytes()) < LIKE
+    page.evaluate("document.body.style.paddingTop = '60px'")  # what has moved is seen
+    assert unlike(page.screenshot(), kept.read_bytes()) > LIKE
 
 
 @pytest.mark.parametrize(("size", "scheme"), VIEWS)

@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.fmus.test_off_at_zero import PARTS
+
 Make = Callable[..., Any]
 Values = dict[str, float]
 Draw = np.random.Generator
@@ -120,16 +122,19 @@ def sensor(p: Point) -> list[float]:
 def brake(p: Point) -> list[float]:
     phi, w_p, w_b = p["phi_p"], p["w_p"], p["w_b"]
     A, phi_0, r = p["pulley_eccentricity.A"], p["pulley_eccentricity.phi_0"], p["belt.r"]
-    way = r * (phi + A * (np.sin(phi + phi_0) - np.sin(phi_0)))
+    B, z, psi = p["belt_mesh.A"], p["belt_mesh.z"], p["belt_mesh.phi_0"]
+    way = r * (phi + A * (np.sin(phi + phi_0) - np.sin(phi_0))) + B * (np.sin(z * phi + psi) - np.sin(psi))
     stretch = way - p["phi_b"] - p["slip"] + p["stretch_add"]
-    rate = r * (1 + A * np.cos(phi + phi_0)) * w_p - w_b - p.rates["slip"]
+    rate = (r * (1 + A * np.cos(phi + phi_0)) + B * z * np.cos(z * phi + psi)) * w_p - w_b - p.rates["slip"]
+    tight = p["belt.c_b"] * stretch
+    slack = np.sign(tight) * max(0.0, abs(tight) - 1 / p["belt_tension.x"]) / 2 if p["belt_tension.x"] else 0.0
     touch = p["external_torque.T"] * (0 <= -p["external_torque.t_0"] < p["external_torque.T_d"])
     return [
         (p["tau_s"] + p["tau_add"] + touch) * w_p,
         p["tau_b_add"] * w_b,
         -p["pulley.J_p"] * w_p * p.rates["w_p"],
         -p["brake.J_b"] * w_b * p.rates["w_b"],
-        -p["belt.c_b"] * stretch * rate,
+        -(tight - slack) * rate,
         -p["imbalance.G"] * np.sin(phi + p["imbalance.phi_0"]) * w_p,
         -p["brake_hysteresis.T"] * p["brake_hysteresis.phi_h"] * p["z_h"] * p.rates["z_h"],
     ]
@@ -177,7 +182,8 @@ def drawn(rng: Draw, low: float, high: float, start: float) -> float:
 def draw(rng: Draw, slave: Any) -> Values:
     """Parameters, states and inputs; every other term is off."""
     values: Values = {}
-    off = {t.amplitude: t.neutral for t in slave.unit.terms if rng.random() < 0.5}
+    optional = [t.amplitude for t in slave.unit.terms] + [a for unit, a, _ in PARTS if unit == slave.unit.name]
+    off = {amplitude: 0.0 for amplitude in optional if rng.random() < 0.5}
     for name, v in slave.unit.variables.items():
         low, high = (
             b if b is not None else s * np.inf for b, s in zip(slave.unit.bounds_of(name), (-1, 1), strict=True)
@@ -217,4 +223,5 @@ def test_what_goes_in_comes_out_or_is_stored_or_dissipated(instantiate: Make, na
 
 def on(slave: Any, values: Values) -> Values:
     """The terms that are on, for a message."""
-    return {t.amplitude: values[t.amplitude] for t in slave.unit.terms if values.get(t.amplitude) != t.neutral}
+    optional = [t.amplitude for t in slave.unit.terms] + [a for unit, a, _ in PARTS if unit == slave.unit.name]
+    return {amplitude: values[amplitude] for amplitude in optional if values.get(amplitude)}

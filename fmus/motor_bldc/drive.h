@@ -1,5 +1,6 @@
 /* The drive: from set value and measurements to the voltage between the active terminals. */
 #include "fmi2/unit.h"
+#include "motor_bldc/constants.h"
 #include "motor_bldc/open_bridge.h"
 
 /* continuous limit once the heat above it, integral of i^2 - i_cont^2, has used up t_peak at i_peak */
@@ -16,7 +17,7 @@ static inline double speed_limit(const Unit *m, double accelerating) {
 
 static inline double drive(Unit *m, double i, double e, double R) {
   const bool limited = m->drive_i_peak > 0;
-  const double v_bus = m->inverter_v_bus, v_max = m->drive_v_max > 0 && m->drive_v_max < v_bus ? m->drive_v_max : v_bus;
+  const double v_bus = bus_voltage(m), v_max = m->drive_v_max > 0 && m->drive_v_max < v_bus ? m->drive_v_max : v_bus;
   double v;
   m->der_q_i = 0;
   m->der_q_t = limited && (m->q_t > 0 || fabs(i) > m->drive_i_cont) ? square(i) - square(m->drive_i_cont) : 0;

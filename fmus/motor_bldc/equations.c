@@ -2,6 +2,8 @@
  *
  *   L di/dt             = v - R i - k w                    thesis eq. 2.5
  *   (J + J_coupled) dw/dt = k i - tau_f - tau              thesis eq. 2.2
+ *
+ * constants.h has what k depends on, losses.h what bridge, supply and iron take.
  */
 #define UNIT_EVENTS
 #define UNIT_OBSERVED
@@ -13,17 +15,28 @@ enum { AVERAGED = 1, SIMSCAPE, COMPREHENSIVE };
 #include "friction/friction.h"
 #include "motor_bldc/constants.h"
 #include "motor_bldc/drive.h"
+#include "motor_bldc/losses.h"
 #include "motor_bldc/three_phase.h"
 
 static const int HALL[6] = {1, 3, 2, 6, 4, 5}; /* H1 + 2*H2 + 4*H3 per sector, Table 2.2 */
 
 static void unit_start(Unit *m) {
-  if (m->time == m->start_time) m->sector[0] = sector_of(m->phi);
+  if (m->time == m->start_time) m->sector[0] = sector_of(electrical_angle(m));
   start_sliding(m, m->w);
 }
 
 static inline double cogging(const Unit *m) {
   return m->cogging_A != 0 ? m->cogging_A * sin(m->cogging_n * m->phi + m->cogging_phi_0) : 0;
+}
+
+/* heat of the winding and of the stator's iron; the magnet follows the winding */
+static inline void temperatures(Unit *m, double winding, double iron) {
+  const double R_th = m->winding_heating_R_th, R_h = m->winding_heating_R_h;
+  m->der_rise_h = 0;
+  if (R_h > 0 || m->rise_h != 0)
+    m->der_rise_h = (R_h * ((R_th > 0 ? m->rise / R_th : winding) + iron) - m->rise_h) / m->winding_heating_T_h;
+  m->der_rise = (R_th * winding - m->rise) / m->winding_heating_T - m->der_rise_h;
+  m->der_rise_m = m->magnet_beta != 0 ? (m->rise + m->rise_h - m->rise_m) / m->magnet_T : 0;
 }
 
 static void unit_equations(Unit *m) {
@@ -40,14 +53,16 @@ static void unit_equations(Unit *m) {
 
   /* drive and inverter */
   double v = drive(m, i, e, m->winding_R);
+  const double v_drive = v;
   if (m->enable) {
-    if (m->supply_sag_R_s != 0) v -= m->supply_sag_R_s * i * pow(fabs(v / m->inverter_v_bus), m->supply_sag_n);
+    v -= bridge_drop(m, v_drive, i);
+    if (m->supply_sag_R_s != 0) v -= m->supply_sag_R_s * i * pow(fabs(v_drive / bus_voltage(m)), m->supply_sag_n);
     if (m->dead_time_V != 0) v -= m->dead_time_V * sgn(i, m->dead_time_i_0);
     v += m->v_add;
   }
 
   /* L di/dt = v - R i - k w, eq. 2.5; or three phases, eq. 2.9 to 2.16 */
-  double tau_e;
+  double tau_e, power = v * i + (m->enable ? 0 : 2 * m->diode_drop_V_d * fabs(i));
   if (averaged) {
     m->der_x_i = (v - R * i - e) / m->winding_L;
     m->der_x_ia = m->der_x_ib = 0;
@@ -58,6 +73,7 @@ static void unit_equations(Unit *m) {
     m->der_x_ib = p.der[1];
     m->der_x_i = 0;
     tau_e = 0;
+    power = p.power;
     for (int x = 0; x < 3; x++) tau_e += k / 2 * p.shape[x] * i3[x];
     m->e_a = p.e[0];
     m->e_b = p.e[1];
@@ -68,14 +84,12 @@ static void unit_equations(Unit *m) {
   double tau_f = friction(m, m->w, 0);
   if (m->motor_level == COMPREHENSIVE)
     tau_f += m->friction_d * m->w * m->viscous_dynamic_D * exp(-fabs(m->w) / m->viscous_dynamic_w_D);
-  tau_f += cogging(m);
+  const double tau_Fe = iron_torque(m);
+  tau_f += cogging(m) + tau_Fe;
   m->der_w = held_by_friction(m) ? 0 : (tau_e - tau_f - m->tau + m->tau_add) / (m->rotor_J + m->J_coupled);
   m->der_phi = m->w;
-  const double heat = R * square(i), R_th = m->winding_heating_R_th, R_h = m->winding_heating_R_h;
-  m->der_rise_h = 0;
-  if (R_h > 0 || m->rise_h != 0)
-    m->der_rise_h = (R_h * (R_th > 0 ? m->rise / R_th : heat) - m->rise_h) / m->winding_heating_T_h;
-  m->der_rise = (R_th * heat - m->rise) / m->winding_heating_T - m->der_rise_h;
+  temperatures(m, R * (square(i) + (m->enable ? ripple_square(m, v_drive) : 0)), tau_Fe * m->w);
+  m->der_surge = surge_rate(m, power + (m->enable ? (v_drive - v) * i : 0));
 
   const bool averages = m->drive_T_i > 0;
   m->der_x_r = averages ? (i - m->x_r) / m->drive_T_i : 0;
@@ -83,6 +97,7 @@ static void unit_equations(Unit *m) {
   m->i_reading = averages ? m->x_r : i;
   m->tau_e = tau_e;
   m->v = v;
+  m->v_dc = bus_voltage(m);
   m->T_w = T_w;
   if (!averaged) {
     m->i_a = i3[0];
@@ -96,7 +111,7 @@ static double encoder_counts(const Unit *m) { return floor(4 * m->encoder_lines 
 
 /* what only an observer needs: phase quantities of the DC equivalent, Hall code, encoder */
 static void unit_observe(Unit *m) {
-  const int n = m->motor_level == AVERAGED ? modulo6(sector_of(m->phi)) : modulo6(m->sector[0]);
+  const int n = m->motor_level == AVERAGED ? modulo6(sector_of(electrical_angle(m))) : modulo6(m->sector[0]);
   if (m->motor_level == AVERAGED) {
     double i3[3] = {0}, shape[3];
     i3[HIGH[n]] = m->x_i;
@@ -104,7 +119,7 @@ static void unit_observe(Unit *m) {
     m->i_a = i3[0];
     m->i_b = i3[1];
     m->i_c = i3[2];
-    trapezoids(m->phi, shape);
+    trapezoids(electrical_angle(m), shape);
     const double e = emf_constant(m, m->x_i, m->x_i * m->w < 0) / 2 * m->w;
     m->e_a = e * shape[0];
     m->e_b = e * shape[1];
@@ -146,7 +161,7 @@ static void open_bridge_indicators(const Unit *m, double z[N_EVENT]) {
   phase_currents(m, i);
   if (m->motor_level == AVERAGED) {
     z[EVENT_leg_opens] = ending(m, i, 1, &leg);
-    if (m->leg[0] == 0) z[EVENT_leg_conducts] = fabs(emf_constant(m, 0, false) * m->w) - m->inverter_v_bus;
+    if (m->leg[0] == 0) z[EVENT_leg_conducts] = fabs(emf_constant(m, 0, false) * m->w) - 2 * diode_voltage(m);
     return;
   }
   const Phases p = three_phases(m, 0, m->winding_R, i);
@@ -155,7 +170,7 @@ static void open_bridge_indicators(const Unit *m, double z[N_EVENT]) {
     z[EVENT_leg_conducts] = beyond(m, p.v_floating, p.e, &leg, &side);
   } else {
     largest_and_smallest(p.e, &high, &low);
-    z[EVENT_leg_conducts] = p.e[high] - p.e[low] - m->inverter_v_bus;
+    z[EVENT_leg_conducts] = p.e[high] - p.e[low] - 2 * diode_voltage(m);
   }
 }
 
@@ -174,14 +189,14 @@ static void unit_indicators(const Unit *m, double z[N_EVENT]) {
   stick_indicators(m, m->w, on_the_shaft(m), z);
   if (m->off[0]) open_bridge_indicators(m, z);
   if (m->motor_level == AVERAGED) return;
-  z[EVENT_forward] = m->phi - sector_start(m->sector[0] + 1);
-  z[EVENT_backward] = sector_start(m->sector[0]) - m->phi;
+  z[EVENT_forward] = electrical_angle(m) - sector_start(m->sector[0] + 1);
+  z[EVENT_backward] = sector_start(m->sector[0]) - electrical_angle(m);
   if (m->off[0]) return;
   double i3[3];
   phase_currents(m, i3);
   const int f = FLOATING[modulo6(m->sector[0])];
   if (m->diode[0] == OPEN) {
-    const double edge = m->inverter_v_bus / 2;
+    const double edge = diode_voltage(m);
     const double e[3] = {m->e_a, m->e_b, m->e_c}, v_f = 1.5 * e[f] - (e[0] + e[1] + e[2]) / 2; /* e_f - (e_h + e_l)/2 */
     z[EVENT_diode_high] = v_f - edge;
     z[EVENT_diode_low] = -edge - v_f;

@@ -4,6 +4,7 @@
 #define COBOT_JOINT_OPEN_BRIDGE_H
 
 #include "fmi2/unit.h"
+#include "motor_bldc/constants.h"
 
 /* a current into the motor comes from ground, a current out of it goes to the supply */
 static inline int leg_of(double i) { return i > 0 ? -1 : i < 0 ? 1 : 0; }
@@ -14,7 +15,7 @@ static inline int leg(const Unit *m, int x, double i) { return m->off[0] ? m->le
 /* terminal voltage; without current it is the back-EMF */
 static inline double open_bridge_voltage(const Unit *m, double i, double e) {
   const int s = m->motor_level == AVERAGED ? leg(m, 0, i) : leg_of(i);
-  return s != 0 ? s * m->inverter_v_bus : e;
+  return s != 0 ? s * 2 * diode_voltage(m) : e;
 }
 
 /* three phases: derivatives of the currents; returns the voltage of the star point, NAN where nothing conducts */
@@ -24,13 +25,13 @@ static inline double open_bridge(const Unit *m, double R, const double i[3], con
   for (int x = 0; x < 3; x++) {
     s[x] = leg(m, x, i[x]);
     n += s[x] != 0;
-    if (s[x] != 0) star += s[x] * m->inverter_v_bus / 2 - e[x];
+    if (s[x] != 0) star += s[x] * diode_voltage(m) - e[x];
     der[x] = 0;
   }
   if (n < 2) return NAN;
   star /= n;
   for (int x = 0; x < 3; x++)
-    if (s[x] != 0) der[x] = (s[x] * m->inverter_v_bus / 2 - star - e[x] - R / 2 * i[x]) / (m->winding_L / 2);
+    if (s[x] != 0) der[x] = (s[x] * diode_voltage(m) - star - e[x] - R / 2 * i[x]) / (m->winding_L / 2);
   return star;
 }
 
@@ -47,7 +48,7 @@ static inline double beyond(const Unit *m, double star, const double e[3], int *
   double most = -1;
   for (int x = 0; x < 3; x++) {
     if (m->leg[x] != 0) continue;
-    const double over = fabs(star + e[x]) - m->inverter_v_bus / 2;
+    const double over = fabs(star + e[x]) - diode_voltage(m);
     if (over > most) most = over, *which = x, *side = star + e[x] > 0 ? 1 : -1;
   }
   return most;

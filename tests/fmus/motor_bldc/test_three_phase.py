@@ -15,9 +15,10 @@ R, L, K, J, TAU_C, D, V_BUS = 0.209, 84.3e-6, 0.0232, 5.38e-6, 1.2e-3, 7.5e-6, 2
 HELD = {"rotor.J": 1e3}
 
 
-def settled(make: Make, level: int, tau: float, v: float = 12.0) -> tuple[float, float]:
+def settled(make: Make, level: int, tau: float, v: float = 12.0, p: int = 1) -> tuple[float, float]:
     """Mean current and speed over whole turns, after settling."""
-    motor = make("motor_bldc", {"motor.level": level, "set_value": v, "tau": tau, "viscous_dynamic.D": 0.0})
+    start = {"motor.level": level, "set_value": v, "tau": tau, "viscous_dynamic.D": 0.0, "winding.p": p}
+    motor = make("motor_bldc", start)
     motor.step(1.0)
     turn = 2 * np.pi / motor["w"]
     out = motor.run(
@@ -26,9 +27,9 @@ def settled(make: Make, level: int, tau: float, v: float = 12.0) -> tuple[float,
     return float(np.mean(out["i"][:-1])), float(np.mean(out["w"][:-1]))
 
 
-@pytest.mark.parametrize("tau", [0.0, 0.03, 0.0765])
-def test_steady_means_agree_with_the_averaged_level_within_1_percent(make: Make, tau: float) -> None:
-    i, w = settled(make, SIMSCAPE, tau)
+@pytest.mark.parametrize(("tau", "p"), [(0.0, 1), (0.03, 1), (0.0765, 1), (0.03, 2)])
+def test_steady_means_agree_with_the_averaged_level_within_1_percent(make: Make, tau: float, p: int) -> None:
+    i, w = settled(make, SIMSCAPE, tau, p=p)
     i_averaged, w_averaged = settled(make, AVERAGED, tau)
     assert i == pytest.approx(i_averaged, rel=0.01)
     assert w == pytest.approx(w_averaged, rel=0.01)
@@ -41,11 +42,14 @@ def test_phase_currents_add_up_to_nothing(make: Make) -> None:
     np.testing.assert_allclose(out["i_a"] + out["i_b"] + out["i_c"], 0, atol=1e-12)
 
 
-def test_back_emfs_are_trapezoids_a_third_of_a_turn_apart(make: Make) -> None:
+@pytest.mark.parametrize("level", [AVERAGED, SIMSCAPE])
+@pytest.mark.parametrize("p", [1, 4])
+def test_back_emfs_are_trapezoids_a_third_of_a_turn_apart(make: Make, level: int, p: int) -> None:
+    """of an electrical turn, of which there are p to a mechanical one"""
     w = 2 * np.pi
-    motor = make("motor_bldc", {"motor.level": SIMSCAPE, "w": w, "enable": False, **HELD})
+    motor = make("motor_bldc", {"motor.level": level, "winding.p": p, "w": w, "enable": False, **HELD})
     out = motor.run(1.0, 1 / 360, ["e_a", "e_b", "e_c"])
-    theta = np.degrees(w * out["time"])
+    theta = np.degrees(p * w * out["time"])
 
     def trapezoid(degrees: np.ndarray) -> np.ndarray:
         """0 at 0, flat at +1 from 30 to 150 degrees, at -1 from 210 to 330"""
@@ -125,6 +129,14 @@ def test_comprehensive_level_has_more_viscous_friction_at_low_speed(make: Make) 
         ]
         expected = -D * w * 0.3 * np.exp(-w / 150) / J
         assert rates[1] - rates[0] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("level", [AVERAGED, SIMSCAPE])
+@pytest.mark.parametrize("p", [1, 3])
+def test_hall_sensors_change_six_times_per_electrical_turn(make: Make, level: int, p: int) -> None:
+    start = {"motor.level": level, "winding.p": p, "w": 2 * np.pi, "enable": False, "phi": 0.01, **HELD}
+    hall = make("motor_bldc", start).run(1.0, 1e-3, ["hall"])["hall"]
+    assert np.count_nonzero(np.diff(hall)) == 6 * p
 
 
 @pytest.mark.parametrize("read", ["hall", "e_a"])

@@ -19,9 +19,9 @@ static inline double channel(const Unit *m, double x, double k, double *y) {
   return *y == k * x ? x : *y / k;
 }
 
-static inline double acs712(const Unit *m, double i) {
+static inline double acs712(const Unit *m, double i, double n) {
   const double y = m->acs712_v_0 + m->acs712_k * clamp(i, -m->acs712_i_max, m->acs712_i_max);
-  return converted(m, y, m->range_v_max);
+  return converted(m, y + m->acs712_sigma * n, m->range_v_max);
 }
 
 /* the seven signals as they arrive at the converter at time t of the last communication step */
@@ -45,9 +45,9 @@ static void unit_equations(Unit *m) {
   m->i_reading = channel(m, x[0] + m->current_offset_i_0 + m->noise_sigma_i * m->n[0], m->range_k_i, &m->y_i);
   m->w_reading = channel(m, x[1] + m->noise_sigma_w * m->n[1], m->range_k_w, &m->y_w);
   m->tau_reading = channel(m, x[2] + m->noise_sigma_tau * m->n[2], m->range_k_tau, &m->y_tau);
-  m->y_a = acs712(m, x[3]);
-  m->y_b = acs712(m, x[4]);
-  m->y_c = acs712(m, x[5]);
+  m->y_a = acs712(m, x[3], m->n[3]);
+  m->y_b = acs712(m, x[4], m->n[4]);
+  m->y_c = acs712(m, x[5], m->n[5]);
   m->v_set = converted(m, x[6], m->range_v_max_out);
 }
 
@@ -60,6 +60,8 @@ static void draw_noise(Unit *m) {
     const double rho = k == 0 ? 0 : m->noise_rho_tau;
     m->n[2] = rho * m->n[2] + sqrt(1 - rho * rho) * normal(seed, 2, k);
   }
+  if (m->acs712_sigma > 0)
+    for (int phase = 3; phase < 6; phase++) m->n[phase] = normal(seed, phase, k);
 }
 
 static void unit_sample(Unit *m) {

@@ -26,21 +26,35 @@ enum { GAP, FRONT, BACK, FRONT_SLACK, BACK_SLACK }; /* slack: flanks touch, but 
 static void unit_start(Unit *m) {
   m->N[0] = total_ratio(m);
   m->p_1[0] = -log(m->mesh_eta) / 2;
+  mesh_orders(m, m->order);
+  m->errs[0] =
+      m->transmission_error_A != 0 || m->mesh_error_1_A != 0 || m->mesh_error_2_A != 0 || m->mesh_error_3_A != 0;
   m->sliding[0] = sliding_of(m->w_o, m->sliding[0], m->time == m->start_time);
 }
 
 static inline double half_gap(const Unit *m) { return fmax(0, m->mesh_b + m->backlash_b_x) / 2; }
 
+/* angle error over the output angle, A sin(n phi_o + phi_0), added up, and its slope */
+static inline double angle_error(const Unit *m, double *slope) {
+  double error = *slope = 0;
+  if (!m->errs[0]) return 0;
+  const double A[4] = {m->transmission_error_A, m->mesh_error_1_A, m->mesh_error_2_A, m->mesh_error_3_A};
+  const double n[4] = {m->transmission_error_n, m->order[0], m->order[1], m->order[2]};
+  const double phi_0[4] = {m->transmission_error_phi_0, m->mesh_error_1_phi_0, m->mesh_error_2_phi_0,
+                           m->mesh_error_3_phi_0};
+  for (int k = 0; k < 4; k++) {
+    error += A[k] * sin(n[k] * m->phi_o + phi_0[k]);
+    *slope += A[k] * n[k] * cos(n[k] * m->phi_o + phi_0[k]);
+  }
+  return error;
+}
+
 /* twist of the mesh and its rate, at the output */
 static inline double twist(const Unit *m, double *rate) {
-  double delta = m->phi / m->N[0] - m->phi_o + m->delta_add, ddelta = m->w / m->N[0] - m->w_o;
-  if (m->transmission_error_A != 0) {
-    const double n = m->transmission_error_n, angle = n * m->phi_o + m->transmission_error_phi_0;
-    delta += m->transmission_error_A * sin(angle);
-    ddelta += m->transmission_error_A * n * m->w_o * cos(angle);
-  }
-  *rate = ddelta;
-  return delta;
+  double slope;
+  const double error = angle_error(m, &slope);
+  *rate = m->w / m->N[0] - m->w_o + slope * m->w_o;
+  return m->phi / m->N[0] - m->phi_o + m->delta_add + error;
 }
 
 /* contact force if the flanks touched with wind-up e, negative where they would have to pull */
@@ -50,9 +64,9 @@ static inline double contact(const Unit *m, double e, double rate) {
 
 /* dangle_o/dphi_o, by which the output feels the mesh: virtual work at an angle error over the output angle */
 static inline double output_share(const Unit *m) {
-  const double n = m->transmission_error_n;
-  if (m->transmission_error_A == 0) return 1;
-  return 1 - m->transmission_error_A * n * cos(n * m->phi_o + m->transmission_error_phi_0);
+  double slope;
+  angle_error(m, &slope);
+  return 1 - slope;
 }
 
 /* tau over tau_g/N: m/eta + (1 - m) eta, m = (1 + tanh(p))/2, p the power into the mesh; eq. 2.26 in both directions.

@@ -74,6 +74,9 @@ def gear(p: Point) -> list[float]:
     half = max(0.0, p["mesh.b"] + p["backlash.b_x"]) / 2
     delta, n = p["delta"], p["transmission_error.n"]
     ripple = p["transmission_error.A"] * n * np.cos(n * p["phi_o"] + p["transmission_error.phi_0"])
+    for stage, order in ((1, 1560), (2, 360), (3, 60)):
+        angle = order * p["phi_o"] + p[f"mesh_error_{stage}.phi_0"]
+        ripple += p[f"mesh_error_{stage}.A"] * order * np.cos(angle)
     e = np.sign(delta) * max(0.0, abs(delta) - half)
     spring = p["mesh.c"] * e * max(0.0, 1 + p["stiffness_hardening.h"] * e**2)  # flanks push only
     return transmission(p, spring, p["w"] / p["ratio.N"] - p["w_o"] + ripple * p["w_o"])
@@ -160,8 +163,10 @@ BALANCE = {
     "mr_brake_belt": brake,
     "driven_load": load,
 }
+TEETH = {f"ratio.{n}_{k}": z for k, teeth in ((1, (18, 60)), (2, (18, 60)), (3, (12, 60)))
+         for n, z in zip(("member", "z_s", "z_r"), (1, *teeth), strict=True)}  # fmt: skip
 FIXED: dict[str, Values] = {
-    "planetary_gear": {"ratio.from": 1},
+    "planetary_gear": {"ratio.from": 1, "ratio.stages": 3, **TEETH},
     "harmonic_drive": {"ratio.from": 1},
     "cycloidal_drive": {"ratio.from": 1},
 }  # teeth only make other ratios

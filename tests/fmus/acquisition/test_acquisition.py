@@ -199,3 +199,19 @@ def test_sampled_readings_do_not_depend_on_the_communication_step(make: Make) ->
 def test_sampled_readings_hold_between_samples(make: Make) -> None:
     out = make("acquisition", {"sampling.T_s": 1e-3}).run(0.01, 0.25e-3, ["w_reading"], {"w_motor": lambda t: 1000 * t})
     np.testing.assert_allclose(out["w_reading"], np.floor(out["time"] / 1e-3 + 1e-6), atol=1e-9)
+
+
+def test_noise_of_the_phase_sensors_is_white_of_their_own_and_repeats_with_the_seed(make: Make) -> None:
+    """21 mV peak to peak as 6.6 sigma: data sheet of the ACS712"""
+    sigma, names = 0.021 / 6.6, ["y_a", "y_b", "y_c"]
+    start = {"i_a": 2.0, "acs712.sigma": sigma}
+    runs = [make("acquisition", {**start, "noise.seed": seed}).run(4.0, 1e-3, names) for seed in (7, 7, 8)]
+    y = np.array([runs[0][name][1:] for name in names])
+    assert np.mean(y, axis=1) == pytest.approx([2.87, 2.5, 2.5], abs=4 * sigma / np.sqrt(4000))
+    assert np.std(y, axis=1) == pytest.approx(sigma, rel=0.05)
+    assert np.corrcoef(y) == pytest.approx(np.eye(3), abs=0.06)
+    n = y - y.mean(axis=1, keepdims=True)
+    assert np.abs(np.mean(n[:, 1:] * n[:, :-1], axis=1)).max() < 0.06 * sigma**2
+    for name in names:
+        np.testing.assert_array_equal(runs[1][name], runs[0][name])
+        assert not np.array_equal(runs[2][name], runs[0][name])

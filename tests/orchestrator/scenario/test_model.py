@@ -18,6 +18,7 @@ TIME = ["no_load", "load_mr_brake", "load_hand", "reversals"]
 def test_shipped_scenarios_are_the_benchs() -> None:
     assert set(scenario_names()) == {
         *TIME,
+        "compliance",
         "frequency_response",
         "torque_calibration",
         "current_sensor_calibration",

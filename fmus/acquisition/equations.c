@@ -1,6 +1,6 @@
 /* Data acquisition; the table beside this file has every equation's source. */
 #define UNIT_SAMPLED
-#include "fmi2/unit.h"
+#include "core/unit.h"
 #include "acquisition/history.h"
 #include "acquisition/noise.h"
 

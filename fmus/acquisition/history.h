@@ -1,5 +1,5 @@
 /* What a delayed channel remembers: a ring of rows (time, speed, torque), the newest at the last communication point. */
-#include "fmi2/unit.h"
+#include "core/unit.h"
 
 enum { ROW = 3, SPEED = 1, TORQUE = 2, ROWS = sizeof((Unit *)0)->history / sizeof(double) / ROW };
 

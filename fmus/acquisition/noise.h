@@ -1,5 +1,5 @@
 /* White noise that follows from (seed, channel, number of the sample) alone, so that it needs no state of its own. */
-#include "fmi2/unit.h"
+#include "core/unit.h"
 
 /* SplitMix64, Steele, Lea and Flood 2014, fig. 15 to 17 */
 static inline uint64_t scrambled(uint64_t z) {

@@ -1,6 +1,6 @@
 /* Correction as data: y = x + table(u1) f2(u2) + sum over features of A f1(u1) f2(u2) f3(u3) f4(u4), from `onset` on.
  * The table beside this file says where functions and numbers come from (Brunton, Proctor and Kutz 2016). */
-#include "fmi2/unit.h"
+#include "core/unit.h"
 
 enum { FEATURES = 8, SIGNALS = 4 };
 typedef enum { ONE = 1, U, U2, U3, ABS, TANH, SIN, COS, EXP, GAUSS } Function;

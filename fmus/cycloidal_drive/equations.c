@@ -6,7 +6,7 @@
  *   tau         = tau_g/N + tau_f                          what the eccentric takes from the motor
  *   J_o dw_o/dt = tau_g - tau_s                            thesis eq. 2.30
  */
-#include "fmi2/unit.h"
+#include "core/unit.h"
 #include "friction/friction.h"
 
 enum { FROM_VALUE = 1, FROM_PINS };

@@ -1,6 +1,6 @@
 /* Driven load; the table beside this file has every equation's source. */
 #define UNIT_EVENTS
-#include "fmi2/unit.h"
+#include "core/unit.h"
 #include "friction/friction.h"
 
 enum { TORQUE = 1, IMPOSED };

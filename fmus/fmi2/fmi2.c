@@ -1,163 +1,185 @@
-/* FMI 2.0 for co-simulation over one unit: an instance from birth to end; variables.h, steps.h and states.h have the rest.
- * Knows no physics.
+/* FMI 2.0 for co-simulation: the core's functions by the names and types of the standard.
  * One translation unit per FMU: EQUATIONS names the unit's equations.c, MODEL_DEF its table, UNIT_GUID is its GUID. */
-#include "fmi2/unit.h"
+#include "core/core.h"
+#include "fmi2Functions.h"
 
-#include EQUATIONS
+typedef struct {
+  Instance core;
+  const fmi2CallbackFunctions *callbacks;
+} Fmi2Instance;
 
-#include "fmi2/instance.h"
+static void fmi2_log(const Instance *c, Status status, const char *category, const char *text) {
+  const fmi2CallbackFunctions *callbacks = ((const Fmi2Instance *)c)->callbacks;
+  if (callbacks->logger)
+    callbacks->logger(callbacks->componentEnvironment, c->name, (fmi2Status)status, category, "%s", text);
+}
+
+/* the call as the core has it, in the phases in which the standard allows it */
+#define CALL(phases, done) return enter(component, __func__, (phases)) != OK ? fmi2Error : (fmi2Status)(done)
+enum { SETTABLE = INSTANTIATED | INITIALIZATION | STEPPING, SOLVED = STEPPING | TERMINATED | STOPPED_SHORT };
 
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
 const char *fmi2GetVersion(void) { return fmi2Version; }
-
-/* relative tolerance; some masters suggest 0.1 unasked (Maestro), at which a mesh under held inputs swings */
-static const double LOOSEST = 1e-4;
-
-static void set_starts(Unit *m) {
-  memset(m, 0, sizeof *m);
-  for (int i = 0; i < N_PUBLIC; i++) reals(m)[i] = REAL_INFO[i].start;
-  for (int i = 1; i < N_INTEGER; i++) integers(m)[i] = INTEGER_INFO[i].start;
-  for (int i = 1; i < N_BOOLEAN; i++) booleans(m)[i] = BOOLEAN_INFO[i].start;
-  for (int j = 0; j < N_INPUT; j++) m->u[j].c[0] = reals(m)[FIRST_INPUT + j];
-  m->tolerance = 1e-6;
-  m->step = 1e-4;
-  m->stale = m->restart = 1;
-}
 
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
                               const fmi2CallbackFunctions *callbacks, fmi2Boolean visible, fmi2Boolean debug) {
   (void)visible;
   if (!callbacks) return NULL;
-  Instance probe = {.callbacks = callbacks, .name = (char *)(name ? name : UNIT_NAME)};
-#define REFUSE(...) return say(&probe, fmi2Error, "logStatusError", __VA_ARGS__), NULL
-  if (!name || !*name) REFUSE("fmi2Instantiate: the instance name is empty");
-  if (type != fmi2CoSimulation) REFUSE("fmi2Instantiate: only co-simulation is offered, not model exchange");
-  if (!guid) REFUSE("fmi2Instantiate: no GUID given");
-  char why[256] = "";
-  set_starts(&probe.start);
-  const StartFile file = read_start_values(&probe.start, &probe.late, resources, guid, why);
-  if (file == START_BAD) REFUSE("fmi2Instantiate: %s", why);
-  if (file != START_APPLIED && strcmp(guid, UNIT_GUID) != 0)
-    REFUSE("fmi2Instantiate: GUID %s given, this library is %s", guid, UNIT_GUID);
-  Instance *c = malloc(sizeof *c);
-  char *copy = malloc(strlen(name) + 1);
-  if (!c || !copy) {
-    free(c);
-    free(copy);
-    REFUSE("fmi2Instantiate: out of memory");
+  Fmi2Instance c = {.core = {.log = fmi2_log, .call = __func__, .log_events = debug != 0}, .callbacks = callbacks};
+  if (type != fmi2CoSimulation && name && *name) {
+    c.core.name = (char *)name;
+    say(&c.core, REFUSED, "logStatusError", "only co-simulation is offered, not model exchange");
+    return NULL;
   }
-  strcpy(copy, name);
-  *c = probe;
-  c->name = copy;
-  c->log_events = debug != 0;
-  c->phase = INSTANTIATED;
-  c->stop_time = DBL_MAX;
-  c->unit = c->start;
-  return c;
+  return new_instance(&c.core, sizeof c, name, guid, resources);
 }
 
-void fmi2FreeInstance(fmi2Component component) {
-  Instance *c = component;
-  if (!c) return;
-  free(c->name);
-  free(c);
-}
+void fmi2FreeInstance(fmi2Component component) { free_instance(component); }
 
 fmi2Status fmi2SetDebugLogging(fmi2Component component, fmi2Boolean on, size_t n, const fmi2String categories[]) {
-  NEEDS(ANY);
-  if (n > 0) NEEDS_POINTER(categories);
-  bool events = n == 0;
-  for (size_t i = 0; i < n; i++) {
-    const char *given = categories[i] ? categories[i] : "(null)";
-    events |= strcmp(given, "logEvents") == 0;
-    if (strcmp(given, "logEvents") != 0 && strcmp(given, "logStatusError") != 0 &&
-        strcmp(given, "logStatusDiscard") != 0)
-      FAIL(c, "fmi2SetDebugLogging: category \"%s\" is unknown; there are logStatusError, logStatusDiscard, logEvents",
-           given);
-  }
-  if (events) c->log_events = on != 0; /* refusals are always told */
-  return fmi2OK;
+  CALL(ANY, set_logging(component, on != 0, n, categories));
 }
 
 fmi2Status fmi2SetupExperiment(fmi2Component component, fmi2Boolean tolerance_given, fmi2Real tolerance, fmi2Real start,
                                fmi2Boolean stop_given, fmi2Real stop) {
-  NEEDS(INSTANTIATED);
-  if (!isfinite(start)) FAIL(c, "fmi2SetupExperiment: startTime %g is not finite", start);
-  if (tolerance_given && !(tolerance > 0 && tolerance <= 0.1))
-    FAIL(c, "fmi2SetupExperiment: tolerance %g is outside 0 to 0.1", tolerance);
-  if (stop_given && !(stop >= start)) FAIL(c, "fmi2SetupExperiment: stopTime %g lies before startTime %g", stop, start);
-  c->unit.time = c->unit.start_time = start;
-  for (int j = 0; j < N_INPUT; j++) c->unit.u[j].t0 = start;
-  if (tolerance_given) c->unit.tolerance = fmin(tolerance, LOOSEST);
-  c->stop_time = stop_given ? stop : DBL_MAX;
-  return fmi2OK;
+  CALL(INSTANTIATED, set_experiment(component, tolerance_given ? &tolerance : NULL, start, stop_given ? &stop : NULL));
 }
 
-/* outputs as states, inputs and parameters have them now */
-static void refresh(Unit *m) {
-  if (m->restart) {
-    unit_start(m);
-    m->restart = 0;
-    m->stale = 1;
+fmi2Status fmi2EnterInitializationMode(fmi2Component component) { CALL(INSTANTIATED, go(component, INITIALIZATION)); }
+fmi2Status fmi2ExitInitializationMode(fmi2Component component) { CALL(INITIALIZATION, end_initialization(component)); }
+fmi2Status fmi2Terminate(fmi2Component component) { CALL(STEPPING | STOPPED_SHORT, go(component, TERMINATED)); }
+fmi2Status fmi2Reset(fmi2Component component) { CALL(ANY, reset(component)); }
+
+/* ---- variables ------------------------------------------------------------------------------------------------- */
+fmi2Status fmi2GetReal(fmi2Component component, const fmi2ValueReference vr[], size_t n, fmi2Real value[]) {
+  CALL(READABLE, get_reals(component, vr, n, value));
+}
+fmi2Status fmi2SetReal(fmi2Component component, const fmi2ValueReference vr[], size_t n, const fmi2Real value[]) {
+  CALL(SETTABLE, set_reals(component, vr, n, value));
+}
+
+static Status get_integers(Instance *c, const Reference vr[], size_t n, int value[]) {
+  CHECK_LIST(1, N_INTEGER, "integer");
+  const Status status = bring_up_to_date(c);
+  for (size_t i = 0; status == OK && i < n; i++) value[i] = integers(&c->unit)[vr[i]];
+  return status;
+}
+static Status get_booleans(Instance *c, const Reference vr[], size_t n, int value[]) {
+  CHECK_LIST(1, N_BOOLEAN, "Boolean");
+  const Status status = bring_up_to_date(c);
+  for (size_t i = 0; status == OK && i < n; i++) value[i] = booleans(&c->unit)[vr[i]];
+  return status;
+}
+fmi2Status fmi2GetInteger(fmi2Component component, const fmi2ValueReference vr[], size_t n, fmi2Integer value[]) {
+  CALL(READABLE, get_integers(component, vr, n, value));
+}
+fmi2Status fmi2GetBoolean(fmi2Component component, const fmi2ValueReference vr[], size_t n, fmi2Boolean value[]) {
+  CALL(READABLE, get_booleans(component, vr, n, value));
+}
+
+static Status set_discrete(Instance *c, int variables[], const DiscreteInfo info[], const Reference vr[], size_t n,
+                           const int value[]) {
+  Status status = OK;
+  for (size_t i = 0; status == OK && i < n; i++) status = check_discrete(c, &info[vr[i]], value[i]);
+  for (size_t i = 0; status == OK && i < n; i++) put_discrete(&c->unit, &variables[vr[i]], value[i]);
+  return status;
+}
+static Status set_integers(Instance *c, const Reference vr[], size_t n, const int value[]) {
+  CHECK_LIST(1, N_INTEGER, "integer");
+  return set_discrete(c, integers(&c->unit), INTEGER_INFO, vr, n, value);
+}
+static Status set_booleans(Instance *c, const Reference vr[], size_t n, const int value[]) {
+  CHECK_LIST(1, N_BOOLEAN, "Boolean");
+  return set_discrete(c, booleans(&c->unit), BOOLEAN_INFO, vr, n, value);
+}
+fmi2Status fmi2SetInteger(fmi2Component component, const fmi2ValueReference vr[], size_t n, const fmi2Integer value[]) {
+  CALL(SETTABLE, set_integers(component, vr, n, value));
+}
+fmi2Status fmi2SetBoolean(fmi2Component component, const fmi2ValueReference vr[], size_t n, const fmi2Boolean value[]) {
+  CALL(SETTABLE, set_booleans(component, vr, n, value));
+}
+
+static Status no_strings(Instance *c, const Reference vr[], size_t n) {
+  if (n > 0) FAIL(c, "value reference %u: this unit has no string variables", vr ? vr[0] : 0);
+  return OK;
+}
+fmi2Status fmi2GetString(fmi2Component component, const fmi2ValueReference vr[], size_t n, fmi2String value[]) {
+  (void)value;
+  CALL(READABLE, no_strings(component, vr, n));
+}
+fmi2Status fmi2SetString(fmi2Component component, const fmi2ValueReference vr[], size_t n, const fmi2String value[]) {
+  (void)value;
+  CALL(ANY, no_strings(component, vr, n));
+}
+
+/* ---- steps ----------------------------------------------------------------------------------------------------- */
+fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueReference vr[], size_t n,
+                                       const fmi2Integer order[], const fmi2Real value[]) {
+  CALL(SETTABLE, set_input_derivatives(component, vr, n, order, value));
+}
+fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2ValueReference vr[], size_t n,
+                                        const fmi2Integer order[], fmi2Real value[]) {
+  CALL(SOLVED, output_derivatives(component, vr, n, order, value));
+}
+fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boolean no_rollback) {
+  (void)no_rollback;
+  CALL(STEPPING, do_step(component, t, h, NULL));
+}
+fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2ValueReference unknown[], size_t n_unknown,
+                                        const fmi2ValueReference known[], size_t n_known, const fmi2Real dv[],
+                                        fmi2Real dz[]) {
+  CALL(INITIALIZATION | SOLVED, directional_derivative(component, unknown, n_unknown, known, n_known, dv, dz));
+}
+
+static Status never_runs(Instance *c) { FAIL(c, "steps are finished when fmi2DoStep returns"); }
+fmi2Status fmi2CancelStep(fmi2Component component) { CALL(ANY, never_runs(component)); }
+
+static Status no_status(Instance *c, int kind) {
+  DISCARD(c, "no status %d; steps are finished when fmi2DoStep returns", kind);
+}
+#define STATUS(type)                                                                                                   \
+  fmi2Status fmi2Get##type##Status(fmi2Component component, const fmi2StatusKind kind, fmi2##type *value) {            \
+    (void)value;                                                                                                       \
+    CALL(ANY, no_status(component, (int)kind));                                                                        \
   }
-  if (!m->stale) return;
-  evaluate_outputs(m, m->time);
-  m->stale = 0;
+STATUS(Integer)
+STATUS(String)
+fmi2Status fmi2GetStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Status *value) {
+  (void)value;
+  CALL(ANY, no_status(component, (int)kind));
 }
 
-/* While initializing, a unit is a function of states, inputs and parameters: values whose time has come hold, and every event
- * that is due has happened, so that a gear whose flanks overlap is in contact. false: events follow each other without end. */
-static bool settle(Instance *c) {
-  if (c->phase == INITIALIZATION && apply_late(&c->late, &c->unit)) c->unit.restart = 1;
-#if defined UNIT_EVENTS
-  const bool moved = c->unit.restart || c->unit.stale;
-#endif
-  refresh(&c->unit);
-#if defined UNIT_EVENTS
-  if (c->phase == INITIALIZATION && moved) {
-    const bool settled = events_here(&c->unit);
-    evaluate_outputs(&c->unit, c->unit.time);
-    return settled;
-  }
-#endif
-  return true;
+/* a unit never wants a simulation to end: a step that it could not finish is the master's to judge */
+static Status wants_end(Instance *c, fmi2StatusKind kind, fmi2Boolean *value) {
+  NEEDS_POINTER(value);
+  if (kind != fmi2Terminated) DISCARD(c, "status %d; there is fmi2Terminated", (int)kind);
+  *value = fmi2False;
+  return OK;
+}
+fmi2Status fmi2GetBooleanStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Boolean *value) {
+  CALL(ANY, wants_end(component, kind, value));
+}
+static Status last_time(Instance *c, fmi2StatusKind kind, fmi2Real *value) {
+  NEEDS_POINTER(value);
+  if (kind != fmi2LastSuccessfulTime) DISCARD(c, "status %d; there is fmi2LastSuccessfulTime", (int)kind);
+  *value = c->unit.time;
+  return OK;
+}
+fmi2Status fmi2GetRealStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Real *value) {
+  CALL(SOLVED | FAILED, last_time(component, kind, value));
 }
 
-fmi2Status fmi2EnterInitializationMode(fmi2Component component) {
-  NEEDS(INSTANTIATED);
-  c->phase = INITIALIZATION;
-  return fmi2OK;
+/* ---- states ---------------------------------------------------------------------------------------------------- */
+fmi2Status fmi2GetFMUstate(fmi2Component component, fmi2FMUstate *state) { CALL(ANY, get_state(component, state)); }
+fmi2Status fmi2SetFMUstate(fmi2Component component, fmi2FMUstate state) { CALL(ANY, set_state(component, state)); }
+fmi2Status fmi2FreeFMUstate(fmi2Component component, fmi2FMUstate *state) { CALL(ANY, free_state(state)); }
+fmi2Status fmi2SerializedFMUstateSize(fmi2Component component, fmi2FMUstate state, size_t *size) {
+  CALL(ANY, serialized_size(component, state, size));
 }
-
-fmi2Status fmi2ExitInitializationMode(fmi2Component component) {
-  NEEDS(INITIALIZATION);
-  if (!settle(c)) /* a unit may start on the far side of an event: in contact, say */
-    FAIL(c, "fmi2ExitInitializationMode: events follow each other without end");
-  for (int i = 0; i < N_PUBLIC; i++)
-    if (!isfinite(reals(&c->unit)[i])) {
-      char name[NAME_SIZE];
-      FAIL(c, "fmi2ExitInitializationMode: %s is not finite; check the parameters",
-           full_name(name, REAL_INFO[i].term, REAL_INFO[i].name));
-    }
-  end_of_step(&c->unit);
-  c->phase = STEPPING;
-  return fmi2OK;
+fmi2Status fmi2SerializeFMUstate(fmi2Component component, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
+  CALL(ANY, serialize_state(component, state, bytes, size));
 }
-
-fmi2Status fmi2Terminate(fmi2Component component) {
-  NEEDS(STEPPING | STOPPED_SHORT);
-  c->phase = TERMINATED;
-  return fmi2OK;
+fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state) {
+  CALL(ANY, deserialize_state(component, bytes, size, state));
 }
-
-fmi2Status fmi2Reset(fmi2Component component) {
-  NEEDS(ANY);
-  c->unit = c->start;
-  c->stop_time = DBL_MAX;
-  c->phase = INSTANTIATED;
-  return fmi2OK;
-}
-
-#include "fmi2/states.h"
-#include "fmi2/steps.h"
-#include "fmi2/variables.h"
+#undef CALL

@@ -11,7 +11,7 @@
 #ifndef COBOT_JOINT_FRICTION_H
 #define COBOT_JOINT_FRICTION_H
 
-#include "fmi2/unit.h"
+#include "core/unit.h"
 #include "friction/stick.h"
 
 /* viscous friction over speed: cold grease at rest has d, shear and warmth each leave a share of it */

@@ -7,7 +7,7 @@
  *   J_o dw_o/dt = tau_g - tau_s                            thesis eq. 2.30
  */
 #define UNIT_EVENTS
-#include "fmi2/unit.h"
+#include "core/unit.h"
 #include "friction/friction.h"
 
 enum { FROM_VALUE = 1, FROM_TEETH };

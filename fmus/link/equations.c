@@ -1,6 +1,6 @@
 /* Link; the table beside this file has every equation's source. */
 #define UNIT_EVENTS
-#include "fmi2/unit.h"
+#include "core/unit.h"
 #include "friction/friction.h"
 
 static void unit_start(Unit *m) { start_sliding(m, m->w_p); }

@@ -2,7 +2,7 @@
 #ifndef COBOT_JOINT_CONSTANTS_H
 #define COBOT_JOINT_CONSTANTS_H
 
-#include "fmi2/unit.h"
+#include "core/unit.h"
 
 static inline double electrical_angle(const Unit *m) { return m->winding_p * m->phi; }
 

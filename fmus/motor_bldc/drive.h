@@ -1,5 +1,5 @@
 /* The drive: from set value and measurements to the voltage between the active terminals. */
-#include "fmi2/unit.h"
+#include "core/unit.h"
 #include "motor_bldc/constants.h"
 #include "motor_bldc/open_bridge.h"
 

@@ -8,7 +8,7 @@
 #define UNIT_EVENTS
 #define UNIT_OBSERVED
 #define UNIT_SAMPLED
-#include "fmi2/unit.h"
+#include "core/unit.h"
 
 enum { AVERAGED = 1, SIMSCAPE, COMPREHENSIVE };
 

@@ -2,7 +2,7 @@
 #ifndef COBOT_JOINT_LOSSES_H
 #define COBOT_JOINT_LOSSES_H
 
-#include "fmi2/unit.h"
+#include "core/unit.h"
 #include "motor_bldc/constants.h"
 
 /* voltage lost in the bridge: both active switches 2 R_on i; a diode V_d sgn(i) while the current freewheels, 1 - D of the

@@ -3,7 +3,7 @@
 #ifndef COBOT_JOINT_OPEN_BRIDGE_H
 #define COBOT_JOINT_OPEN_BRIDGE_H
 
-#include "fmi2/unit.h"
+#include "core/unit.h"
 #include "motor_bldc/constants.h"
 
 /* a current into the motor comes from ground, a current out of it goes to the supply */

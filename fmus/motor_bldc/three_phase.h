@@ -1,5 +1,5 @@
 /* Three phases in star, six-step commutation, floating third phase. Voltages against the middle of the supply. */
-#include "fmi2/unit.h"
+#include "core/unit.h"
 #include "motor_bldc/constants.h"
 #include "motor_bldc/open_bridge.h"
 

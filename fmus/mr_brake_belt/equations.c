@@ -13,7 +13,7 @@
  *   phi_belt    = r phi_p + A sin(z phi_p + phi_0)                         tooth mesh; dphi_belt/dphi_p instead of r
  */
 #define UNIT_EVENTS
-#include "fmi2/unit.h"
+#include "core/unit.h"
 #include "friction/stick.h"
 
 /* external torque: whether it acts at the present time */

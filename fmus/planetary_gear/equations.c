@@ -16,7 +16,7 @@
  * opposes w_o and makes no energy.
  */
 #define UNIT_EVENTS
-#include "fmi2/unit.h"
+#include "core/unit.h"
 #include "friction/friction.h"
 #include "friction/stick.h"
 #include "planetary_gear/ratio.h"

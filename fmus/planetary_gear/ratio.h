@@ -1,6 +1,6 @@
 /* Ratio of one planetary stage from its teeth: Willis' equation w_s z_s + w_r z_r = w_c (z_s + z_r) with one member held.
  * Table 2.3 of the thesis; its row 2 (ring in, sun held) is the smallest reduction, not the largest. */
-#include "fmi2/unit.h"
+#include "core/unit.h"
 
 enum {
   SUN_IN_CARRIER_OUT = 1,

@@ -1,6 +1,6 @@
 /* Position loop; the table beside this file has every equation's source. */
 #define UNIT_EVENTS
-#include "fmi2/unit.h"
+#include "core/unit.h"
 
 static double position_error(const Unit *m) { return m->phi_ref - m->phi + (m->s_ref - m->s) / m->gains_lead; }
 static double measured_speed(const Unit *m) { return m->w + m->v / m->gains_lead; }

@@ -1,5 +1,5 @@
 /* Series elastic element; the table beside this file has every equation's source. */
-#include "fmi2/unit.h"
+#include "core/unit.h"
 
 static void unit_start(Unit *m) { (void)m; }
 

@@ -8,7 +8,7 @@
  *
  *   tau_b = (1 + s DT) (tau_s + a_2 tau_s^2/tau_rated + a_3 tau_s^3/tau_rated^2 + x tau_s cos(phi_p + phi_0)) + z DT
  */
-#include "fmi2/unit.h"
+#include "core/unit.h"
 
 static void unit_start(Unit *m) { (void)m; }
 

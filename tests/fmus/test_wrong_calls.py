@@ -324,7 +324,7 @@ def test_nothing_is_read_before_the_initialization(instantiate: Make, name: str)
     slave = instantiate(name)
     with pytest.raises(FMICallException):
         slave.reals(slave.outputs())
-    assert "fmi2GetReal is not allowed while the unit is instantiated" in slave.log[0]
+    assert "fmi2GetReal: not allowed while the unit is instantiated" in slave.log[0]
 
 
 def test_failed_unit_cannot_be_terminated(make: Make) -> None:

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from cobot_joint.cli.output import console, grid_of, say_json
+from cobot_joint.errors import UserError
 from cobot_joint.files import results_folder
 
 CHECK_HELP = """Whether an FMU of yours can take a component's place, and what it lacks.
@@ -29,6 +30,7 @@ class Importer(Enum):
     ANY = "any"
     ECOS = "ecos"
     LIBCOSIM = "libcosim"
+    FMI3 = "fmi3"
 
 
 def export(
@@ -47,28 +49,37 @@ def export(
         bool, typer.Option("--reference", help="NAME_in.csv, NAME_ref.csv, NAME_ref.opt per unit: FMI's cross-check.")
     ] = False,
     importer: Annotated[
-        Importer, typer.Option("--for", help="ecos and libcosim take no wires at the system's own connectors.")
+        Importer,
+        typer.Option("--for", help="ecos, libcosim: no wires at the system's connectors; fmi3: FMUs alone, FMI 3.0."),
     ] = Importer.ANY,
 ) -> None:
     """The units as FMUs, and the system as one .ssp, for other simulators."""
     from cobot_joint.cosim.foreign.cross_check import write_cross_check
-    from cobot_joint.system import fmu_names, load_system, without_own_wires, write_fmu, write_fmus, write_ssp
+    from cobot_joint.system import load_system, with_fmus, without_own_wires, write_fmu, write_fmus_alone, write_ssp
+    from cobot_joint.system.export.fmi3 import as_fmi3
+    from cobot_joint.system.export.platforms import compile_for_all
     from cobot_joint.system.flat_names import flatten
     from cobot_joint.system.osp import write_osp
-    from cobot_joint.system.platforms import compile_for_all
     from cobot_joint.units import find_fmu, load_unit
 
-    wanted = [change for change, asked in ((flatten, flat_names), (compile_for_all, all_platforms)) if asked]
-    exported = write_fmus(load_system(system), results_folder(out), wanted)
-    files = [out / name for name in dict.fromkeys(fmu_names(exported).values())]
+    fmi3 = importer is Importer.FMI3
+    if fmi3 and reference:
+        raise UserError("--reference: the files are made by running the FMUs, and those of --for fmi3 do not run here")
+    asked = ((as_fmi3, fmi3), (flatten, flat_names), (compile_for_all, all_platforms))
+    wanted = [change for change, is_asked in asked if is_asked]
+    given = load_system(system)
+    names = write_fmus_alone(given, results_folder(out), wanted)
+    files = [out / name for name in dict.fromkeys(names.values())]
     files += [write_fmu(load_unit(find_fmu(f"{name}.fmu")), out / f"{name}.fmu", wanted) for name in unit or []]
     if reference:
         files += [file for fmu in tuple(files) for file in write_cross_check(load_unit(fmu), out)]
-    if importer is Importer.LIBCOSIM:
-        files.append(write_osp(exported, out / "OspSystemStructure.xml"))
-    if importer is not Importer.ANY:
-        exported = without_own_wires(exported)
-    files.append(write_ssp(exported, out / f"{exported.name}.ssp"))
+    if not fmi3:
+        exported = with_fmus(given, out, names)
+        if importer is Importer.LIBCOSIM:
+            files.append(write_osp(exported, out / "OspSystemStructure.xml"))
+        if importer is not Importer.ANY:
+            exported = without_own_wires(exported)
+        files.append(write_ssp(exported, out / f"{exported.name}.ssp"))
     for file in files:
         console.print(file, soft_wrap=True)
     say_json({"files": [str(file) for file in files]})

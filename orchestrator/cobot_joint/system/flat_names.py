@@ -13,7 +13,7 @@ from cobot_joint import xml
 from cobot_joint.errors import UserError
 
 NAMING = (  # elements of a modelDescription whose attribute names a variable
-    ("ModelVariables/ScalarVariable", "name"),
+    ("ModelVariables/*", "name"),
     (".//Term", "amplitude"),
     (".//Term/Shape", "name"),
     (".//Choice", "name"),
@@ -34,7 +34,7 @@ def flatten(folder: Path) -> None:
         for element in root.iterfind(path):
             if (name := element.get(attribute)) is not None:
                 element.set(attribute, flat(name))
-    names = [v.get("name") for v in root.iterfind("ModelVariables/ScalarVariable")]
+    names = [v.get("name") for v in root.iterfind("ModelVariables/*")]
     if twice := sorted({str(name) for name in names if names.count(name) > 1}):
         raise UserError(
             f"--flat-names: {', '.join(twice)} would be the name of two variables of {root.get('modelName')}"

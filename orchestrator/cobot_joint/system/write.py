@@ -67,16 +67,26 @@ def write_fmus(system: System, folder: Path, changes: Sequence[Callable[[Path], 
     Parameters are start values of their FMUs too, where these can carry them: FMPy and fmucontainer take none from an
     SSP. UserError: an FMU is not what a change needs.
     """
-    names = fmu_names(system)
-    for name, c in {names[c.name]: c for c in system.components}.items():
-        own = [partial(set_start_values, unit=c.unit, values=c.parameters)]
-        write_fmu(c.unit, folder / name, [*own, *changes] if c.parameters and carries_values(c.unit) else changes)
+    return with_fmus(system, folder, write_fmus_alone(system, folder, changes))
+
+
+def with_fmus(system: System, folder: Path, names: Mapping[str, str]) -> System:
+    """The system with FMUs that `write_fmus_alone` wrote there."""
     components = []
     for c in system.components:
         unit = load_unit(folder / names[c.name])
         parameters = {n if n in unit.variables else flat(n): value for n, value in c.parameters.items()}
         components.append(replace(c, source=names[c.name], unit=unit, parameters=parameters))
     return replace(system, components=tuple(components))
+
+
+def write_fmus_alone(system: System, folder: Path, changes: Sequence[Callable[[Path], None]] = ()) -> dict[str, str]:
+    """As `write_fmus`, and what was written is not read again: component -> its FMU's file name."""
+    names = fmu_names(system)
+    for name, c in {names[c.name]: c for c in system.components}.items():
+        own = [partial(set_start_values, unit=c.unit, values=c.parameters)]
+        write_fmu(c.unit, folder / name, [*own, *changes] if c.parameters and carries_values(c.unit) else changes)
+    return names
 
 
 def write_fmu(unit: Unit, file: Path, changes: Sequence[Callable[[Path], None]] = ()) -> Path:

@@ -11,13 +11,15 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
+from fmpy.validation import validate_fmu
 
 from cobot_joint.cosim import Experiment, simulate
 from cobot_joint.errors import UserError
 from cobot_joint.pack import pack
-from cobot_joint.system import Inputs, System, load_system, with_parameters, write_fmus, write_ssp
+from cobot_joint.system import Inputs, System, load_system, with_parameters, write_fmus, write_fmus_alone, write_ssp
+from cobot_joint.system.export.fmi3 import as_fmi3
+from cobot_joint.system.export.platforms import PLATFORMS, compile_for_all, universal
 from cobot_joint.system.flat_names import flatten
-from cobot_joint.system.platforms import PLATFORMS, compile_for_all, universal
 
 DRIVE = Experiment(Inputs(np.array([0.0, 0.1]), {"v_command": np.array([0.0, 12.0])}), 0.3)
 
@@ -128,3 +130,32 @@ def test_units_are_compiled_for_five_platforms_and_run_here(tmp_path: Path) -> N
         one, other = simulate(exported, DRIVE), simulate(ours, DRIVE)
         for name, samples in one.signals.items():
             np.testing.assert_allclose(samples, other[name], rtol=1e-6, atol=1e-6 * np.max(np.abs(samples)))
+
+
+def test_fmi3_fmus_carry_what_the_system_sets(tmp_path: Path) -> None:
+    """start values, in a unit that carries one already too; the library reads them at instantiation"""
+    system = with_parameters(load_system("joint"), {"motor_bldc.winding.R": 0.25})
+    write_fmus_alone(write_fmus(system, tmp_path / "first"), tmp_path / "second", [as_fmi3])
+    fmu = tmp_path / "second/motor_bldc.fmu"
+    assert validate_fmu(str(fmu)) == []
+    description = fmpy.read_model_description(str(fmu))
+    assert description.fmiVersion == "3.0"
+    assert {v.name: v.start for v in description.modelVariables}["winding.R"] == "0.25"
+    run = fmpy.simulate_fmu(str(fmu), stop_time=1e-3, output=["winding.R"], apply_default_start_values=False)
+    assert run["winding.R"][-1] == 0.25
+
+
+def test_fmi3_without_dots_in_names(tmp_path: Path) -> None:
+    write_fmus_alone(load_system("joint"), tmp_path, [as_fmi3, flatten])
+    names = [v.name for v in fmpy.read_model_description(str(tmp_path / "motor_bldc.fmu")).modelVariables]
+    assert "winding_R" in names
+    assert not [name for name in names if "." in name]
+
+
+def test_an_fmu_that_is_not_ours_has_no_fmi3_twin(tmp_path: Path) -> None:
+    write_fmus(load_system("joint"), tmp_path / "joint")
+    folder = tmp_path / "foreign"
+    fmpy.extract(str(tmp_path / "joint/torque_sensor.fmu"), unzipdir=str(folder))
+    (folder / "sources/all.c").unlink()
+    with pytest.raises(UserError, match="--for fmi3: torque_sensor is not one of the units"):
+        as_fmi3(folder)

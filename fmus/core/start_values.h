@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fmi2/table.h"
+#include "core/table.h"
 
 typedef enum { START_NONE, START_APPLIED, START_BAD } StartFile;
 

@@ -25,7 +25,7 @@ FAT_MAGIC, PAGE = 0xCAFEBABE, 14  # mach-o/fat.h; both kinds of Mac load at mult
 
 @dataclass(frozen=True)
 class Platform:
-    """`folder` inside `binaries`, FMI 2.0.4, 2.3; `targets` as zig names them, several for one universal binary."""
+    """`folder` inside `binaries` (FMI 2.0.4, 2.3; FMI 3.0.2, 2.5.1); `targets` as zig names them, several: fat."""
 
     folder: str
     suffix: str
@@ -39,32 +39,45 @@ PLATFORMS = (
     Platform("win32", ".dll", ("x86-windows-gnu",)),
     Platform("darwin64", ".dylib", ("x86_64-macos", "aarch64-macos")),
 )
+FMI3_PLATFORMS = (
+    Platform("x86_64-linux", ".so", ("x86_64-linux-gnu.2.17",)),
+    Platform("aarch64-linux", ".so", ("aarch64-linux-gnu.2.17",)),
+    Platform("x86_64-windows", ".dll", ("x86_64-windows-gnu",)),
+    Platform("x86-windows", ".dll", ("x86-windows-gnu",)),
+    Platform("x86_64-darwin", ".dylib", ("x86_64-macos",)),
+    Platform("aarch64-darwin", ".dylib", ("aarch64-macos",)),
+)
 
 
-def compile_for_all(folder: Path, platforms: Sequence[Platform] = PLATFORMS) -> None:
-    """An unpacked FMU's binaries, all of them new. UserError: it has no sources, or the compiler is missing."""
+def compile_for_all(folder: Path, platforms: Sequence[Platform] | None = None) -> None:
+    """An unpacked FMU's binaries, all of them new; platforms: None for all that its version of FMI names.
+
+    UserError: it has no sources, or the compiler is missing.
+    """
     sources = folder / "sources"
-    name = fmpy.read_model_description(str(folder)).coSimulation.modelIdentifier
+    description = fmpy.read_model_description(str(folder))
+    name, fmi = description.coSimulation.modelIdentifier, description.fmiVersion[0]
     if not (sources / "all.c").is_file():
         raise UserError(f"--all-platforms: {name} has no sources/all.c to be compiled")
     if find_spec("ziglang") is None:
         raise UserError("--all-platforms: the compiler is missing, `pip install ziglang` brings it")
     shutil.rmtree(folder / "binaries", ignore_errors=True)
-    for platform in platforms:
+    for platform in platforms or (FMI3_PLATFORMS if fmi == "3" else PLATFORMS):
         binary = folder / "binaries" / platform.folder / f"{name}{platform.suffix}"
         binary.parent.mkdir(parents=True)
-        parts = [_compiled(sources, target, binary.name) for target in platform.targets]
+        parts = [_compiled(sources, target, binary.name, fmi) for target in platform.targets]
         binary.write_bytes(parts[0] if len(parts) == 1 else universal(parts))
 
 
-def _compiled(sources: Path, target: str, name: str) -> bytes:
+def _compiled(sources: Path, target: str, name: str, fmi: str) -> bytes:
     """Compiled in `sources` itself, by relative paths, so that no folder of this machine gets into it."""
     headers = Path(fmpy.__file__).parent / "c-code"
     own = [f"-Wl,-install_name,@rpath/{name}"] if target.endswith("macos") else []
     with tempfile.TemporaryDirectory() as folder:
         binary = Path(folder, name)
         call = [sys.executable, "-m", "ziglang", "cc", "-target", target, *FLAGS, *ZIG, *own]
-        call += ["-DFMI2_OVERRIDE_FUNCTION_PREFIX", "-I", ".", "-I", str(headers), "all.c", "-o", str(binary), "-lm"]
+        call += [f"-DFMI{fmi}_OVERRIDE_FUNCTION_PREFIX", "-I", ".", "-I", str(headers)]
+        call += ["all.c", "-o", str(binary), "-lm"]
         done = subprocess.run(call, cwd=sources, capture_output=True, text=True, check=False)
         if done.returncode:
             raise RuntimeError(f"{name} for {target}: {done.stderr.strip()}")

@@ -3,7 +3,7 @@
 #ifndef COBOT_JOINT_HELD_H
 #define COBOT_JOINT_HELD_H
 
-#include "fmi2/integrate.h"
+#include "core/integrate.h"
 
 /* set anew at every step, without derivatives; a value that is set once stays as it is */
 static inline bool is_held(const Unit *m, int j) { return m->u[j].fresh && m->u[j].streamed && !m->u[j].given; }
@@ -43,9 +43,9 @@ static inline void continue_torque(Unit *m, int n, double J, double c, double la
 static inline void continue_held(Unit *m, double h) {
   (void)m, (void)h; /* a unit may have neither row */
 #define FLANGE(name, phi, w, tau, W, W_abs, role) continue_angle(m, VR_##phi, VR_##w);
-#include "fmi2/rows.h"
+#include "core/rows.h"
 #define HELD_TORQUE(tau, phi, w, role, J, c, late, answer) continue_torque(m, HELD_##tau, m->J, m->c, late, answer, h);
-#include "fmi2/rows.h"
+#include "core/rows.h"
 }
 
 #endif

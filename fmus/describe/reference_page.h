@@ -53,7 +53,7 @@ static void html_ports(const char *title, Kind kind) {
   printf("</table>\n");
 }
 
-static int html(const char *version) {
+static int html(const char *fmi, const char *version) {
   printf("<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>%s</title>\n"
          "<style>body{font:16px/1.5 system-ui,sans-serif;max-width:60em;margin:2em auto;padding:0 "
          "1em}table{border-collapse:collapse}"
@@ -64,9 +64,9 @@ static int html(const char *version) {
   escaped(UNIT_TITLE);
   printf(". ");
   escaped(UNIT_TEXT);
-  printf("</p>\n<p>FMI 2.0 co-simulation, version %s, GUID <code>%s</code>. SI units. Every term is off at its neutral "
+  printf("</p>\n<p>FMI %s co-simulation, version %s, GUID <code>%s</code>. SI units. Every term is off at its neutral "
          "value.</p>\n",
-         version, UNIT_GUID);
+         fmi, version, UNIT_GUID);
   html_ports("Inputs", IS_INPUT);
   html_ports("States", IS_STATE);
   html_ports("Outputs", IS_OUTPUT);

@@ -5,7 +5,7 @@
 #include <float.h>
 #include <stdio.h>
 
-#include "fmi2/unit.h"
+#include "core/unit.h"
 
 /* "{...}": a hash of all sources, so that XML and library only match when both come from the same equations */
 #ifndef UNIT_GUID
@@ -33,23 +33,23 @@ typedef struct {
 static const RealInfo REAL_INFO[] = {
 #define STATE(name, unit, nominal, causality, text)                                                                    \
   {IS_STATE, "", #name, unit, 0, -DBL_MAX, DBL_MAX, nominal, text, #causality},
-#include "fmi2/rows.h"
+#include "core/rows.h"
 #define INTEGRAL(name, unit, nominal, text)                                                                            \
   {IS_INTEGRAL, "", #name, unit, 0, -DBL_MAX, DBL_MAX, nominal, text, "output"},
-#include "fmi2/rows.h"
+#include "core/rows.h"
 #define INPUT(name, unit, start, nominal, text)                                                                        \
   {IS_INPUT, "", #name, unit, start, -DBL_MAX, DBL_MAX, nominal, text, ""},
-#include "fmi2/rows.h"
+#include "core/rows.h"
 #define OUTPUT(name, unit, nominal, feeds, text)                                                                       \
   {IS_OUTPUT, "", #name, unit, 0, -DBL_MAX, DBL_MAX, nominal, text, feeds},
-#include "fmi2/rows.h"
+#include "core/rows.h"
 #define LOCAL(name, unit, nominal, text) {IS_LOCAL, "", #name, unit, 0, -DBL_MAX, DBL_MAX, nominal, text, ""},
-#include "fmi2/rows.h"
+#include "core/rows.h"
 #define PARAMETER(term, name, unit, start, min, max, text)                                                             \
   {IS_PARAMETER, #term, #name, unit, start, min, max, 1, text, ""},
 #define SHAPE(term, name, unit, start, min, max, from, to, scan, points, text)                                         \
   {IS_PARAMETER, #term, #name, unit, start, min, max, 1, text, ""},
-#include "fmi2/rows.h"
+#include "core/rows.h"
 };
 
 /* of states and inputs; parameters have theirs above */
@@ -58,11 +58,11 @@ static const struct {
   double min, max;
 } BOUNDS_INFO[N_PUBLIC + 1] = {
 #define BOUNDS(name, min, max) [VR_##name] = {true, min, max},
-#include "fmi2/rows.h"
+#include "core/rows.h"
     [N_PUBLIC] = {false, 0, 0}};
 static const bool FIXED_INFO[N_PUBLIC + 1] = {
 #define FIXED(parameter) [VR_##parameter] = true,
-#include "fmi2/rows.h"
+#include "core/rows.h"
     [N_PUBLIC] = false};
 static inline double lowest(size_t i) { return BOUNDS_INFO[i].given ? BOUNDS_INFO[i].min : REAL_INFO[i].min; }
 static inline double highest(size_t i) { return BOUNDS_INFO[i].given ? BOUNDS_INFO[i].max : REAL_INFO[i].max; }
@@ -72,19 +72,19 @@ static const DiscreteInfo INTEGER_INFO[] = {
 #define CHOICE(term, name, start, options, text) {IS_PARAMETER, #term, #name, start, 1, 99, options, text, ""},
 #define COUNT(term, name, start, min, max, text) {IS_PARAMETER, #term, #name, start, min, max, NULL, text, ""},
 #define CODE(name, min, max, feeds, text) {IS_OUTPUT, "", #name, 0, min, max, NULL, text, feeds},
-#include "fmi2/rows.h"
+#include "core/rows.h"
 };
 
 static const DiscreteInfo BOOLEAN_INFO[] = {
     {IS_LOCAL, "", "", 0, 0, 1, NULL, "", ""},
 #define SWITCH(name, start, text) {IS_INPUT, "", #name, start, 0, 1, NULL, text, ""},
 #define SIGNAL(name, feeds, text) {IS_OUTPUT, "", #name, 0, 0, 1, NULL, text, feeds},
-#include "fmi2/rows.h"
+#include "core/rows.h"
 };
 
 static const char *const UNIT_NAME =
 #define UNIT(name, title, text) #name
-#include "fmi2/rows.h"
+#include "core/rows.h"
     ;
 
 enum { NAME_SIZE = 96, GUID_SIZE = sizeof UNIT_GUID };

@@ -6,8 +6,8 @@
 
 #include <string.h>
 
-#include "fmi2/table.h"
-#include "fmi2/unit.h"
+#include "core/table.h"
+#include "core/unit.h"
 
 enum { N_X1 = N_X > 0 ? N_X : 1, N_EVENT1 = N_EVENT > 0 ? N_EVENT : 1, MAX_STEPS = 5000000 };
 
@@ -36,7 +36,7 @@ static const struct {
 #define gives +1
 #define takes -1
 #define HELD_TORQUE(tau, phi, w, role, ...) {VR_##tau, VR_##phi, VR_##w, role},
-#include "fmi2/rows.h"
+#include "core/rows.h"
 #undef gives
 #undef takes
     {0, 0, 0, 0}};
@@ -57,7 +57,7 @@ static inline void equations(Unit *m) {
 #define FLANGE(name, phi, w, tau, W, W_abs, role)                                                                      \
   m->der_##W = m->tau * m->w;                                                                                          \
   m->der_##W_abs = fabs(m->der_##W);
-#include "fmi2/rows.h"
+#include "core/rows.h"
 }
 
 static inline void evaluate(Unit *m, double t) {
@@ -103,7 +103,7 @@ static bool events_here(Unit *m) {
 /* how large each state is, the other way round */
 static const double OVER_NOMINAL[N_STATE + 1] = {
 #define STATE(name, unit, nominal, ...) 1 / (double)(nominal),
-#include "fmi2/rows.h"
+#include "core/rows.h"
     0};
 
 /* one step of length h from (t, x0) with k1 known; leaves the end point evaluated in m and returns the error norm */
@@ -172,19 +172,34 @@ static double first_event(const Unit *m, double t, double h, const double x0[], 
 }
 #endif
 
-/* what a unit does once per communication point */
-static inline void end_of_step(Unit *m) {
-  (void)m;
+/* what a unit does once per communication point; not where the master ends a step before that */
+static inline void end_of_step(Unit *m, bool early) {
+  (void)m, (void)early;
 #if defined UNIT_SAMPLED
-  unit_sample(m);
+  if (!early) unit_sample(m);
 #endif
 #if defined UNIT_OBSERVED
   unit_observe(m);
 #endif
 }
 
-/* From m->time to t_end. Returns NULL, or why it could not be done. */
-static const char *integrate(Unit *m, double t_end) {
+/* What a master wants of the inside of a step: FMI 3.0's intermediate update and early return. */
+typedef struct Watch Watch;
+struct Watch {
+  void (*step_finished)(Watch *,
+                        double t); /* after each step of the integrator; leaves the unit evaluated, may lower `until` */
+  bool at_events;                  /* stop at an event that is due, and leave it to the master */
+  bool event_due;                  /* stopped so */
+  double until;                    /* s, where the step ends */
+};
+
+static inline double look(Watch *watch, const Unit *m, double t_end) {
+  if (watch->step_finished) watch->step_finished(watch, m->time);
+  return fmin(t_end, watch->until);
+}
+
+/* From m->time to t_end, or where the watch (NULL: there is none) ends it. Returns NULL, or why it could not be done. */
+static const char *integrate(Unit *m, double t_end, Watch *watch) {
   if (m->stale) evaluate(m, m->time);
   m->stale = 0;
 #if defined UNIT_EVENTS
@@ -192,6 +207,7 @@ static const char *integrate(Unit *m, double t_end) {
 #endif
   if (N_X == 0) {
     evaluate(m, t_end);
+    if (watch) look(watch, m, t_end);
     return NULL;
   }
   double t = m->time, x0[N_X1], k1[N_X1];
@@ -240,8 +256,14 @@ static const char *integrate(Unit *m, double t_end) {
     const double next = h * (error < 0.18 * 0.18 * 0.18 ? 5 : 0.9 / cbrt(error));
     m->step = h < m->step ? fmax(m->step, next) : next; /* a step cut short says nothing against longer ones */
 #if defined UNIT_EVENTS
+    if (watch && watch->at_events && event_pending(m, z)) {
+      watch->event_due = true;
+      watch->until = t;
+      return NULL;
+    }
     if (!events_here(m)) return "events follow each other without end";
 #endif
+    if (watch) t_end = look(watch, m, t_end);
   }
   return "too many steps";
 }

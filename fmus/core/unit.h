@@ -18,31 +18,31 @@ enum { INPUT_ORDER = 3 }; /* highest derivative of an input that a step can foll
 enum {
   N_STATE = 0
 #define STATE COUNT_ROW
-#include "fmi2/rows.h"
+#include "core/rows.h"
 };
 enum {
   N_INTEGRAL = 0
 #define INTEGRAL COUNT_ROW
-#include "fmi2/rows.h"
+#include "core/rows.h"
 };
 enum {
   N_INPUT = 0
 #define INPUT COUNT_ROW
-#include "fmi2/rows.h"
+#include "core/rows.h"
 };
 enum {
   N_OUTPUT = 0
 #define OUTPUT COUNT_ROW
-#include "fmi2/rows.h"
+#include "core/rows.h"
 };
 enum {
   N_EVENT = 0
 #define EVENT COUNT_ROW
-#include "fmi2/rows.h"
+#include "core/rows.h"
 };
 enum HeldNumber {
 #define HELD_TORQUE(tau, ...) HELD_##tau,
-#include "fmi2/rows.h"
+#include "core/rows.h"
   N_HELD
 };
 enum { N_X = N_STATE + N_INTEGRAL, FIRST_INPUT = N_X };
@@ -50,18 +50,18 @@ enum { N_X = N_STATE + N_INTEGRAL, FIRST_INPUT = N_X };
 /* ---- value references ---------------------------------------------------------------------------------------- */
 enum RealReference {
 #define STATE(name, ...) VR_##name,
-#include "fmi2/rows.h"
+#include "core/rows.h"
 #define INTEGRAL(name, ...) VR_##name,
-#include "fmi2/rows.h"
+#include "core/rows.h"
 #define INPUT(name, ...) VR_##name,
-#include "fmi2/rows.h"
+#include "core/rows.h"
 #define OUTPUT(name, ...) VR_##name,
-#include "fmi2/rows.h"
+#include "core/rows.h"
 #define LOCAL(name, ...) VR_##name,
-#include "fmi2/rows.h"
+#include "core/rows.h"
 #define PARAMETER(term, name, ...) VR_##term##_##name,
 #define SHAPE(term, name, ...) VR_##term##_##name,
-#include "fmi2/rows.h"
+#include "core/rows.h"
   N_PUBLIC,
   FIRST_DER = N_PUBLIC,
   N_REAL = N_PUBLIC + N_X
@@ -72,20 +72,20 @@ enum IntegerReference {
 #define CHOICE(term, name, ...) VR_##term##_##name,
 #define COUNT(term, name, ...) VR_##term##_##name,
 #define CODE(name, ...) VR_##name,
-#include "fmi2/rows.h"
+#include "core/rows.h"
   N_INTEGER
 };
 enum BooleanReference {
   VR_NO_BOOLEAN,
 #define SWITCH(name, ...) VR_##name,
 #define SIGNAL(name, ...) VR_##name,
-#include "fmi2/rows.h"
+#include "core/rows.h"
   N_BOOLEAN
 };
 enum EventNumber {
   NO_EVENT = -1,
 #define EVENT(name, ...) EVENT_##name,
-#include "fmi2/rows.h"
+#include "core/rows.h"
 };
 
 /* a torque that the master holds: the shaft at the step's begin, and by what it answers within the step (held.h) */
@@ -103,31 +103,31 @@ typedef struct {
  * A union of names and arrays would say so, but has no place in C99, where all its members need names. */
 typedef struct Unit {
 #define STATE(name, ...) double name;
-#include "fmi2/rows.h"
+#include "core/rows.h"
 #define INTEGRAL(name, ...) double name;
-#include "fmi2/rows.h"
+#include "core/rows.h"
 #define INPUT(name, ...) double name;
-#include "fmi2/rows.h"
+#include "core/rows.h"
 #define OUTPUT(name, ...) double name;
-#include "fmi2/rows.h"
+#include "core/rows.h"
 #define LOCAL(name, ...) double name;
-#include "fmi2/rows.h"
+#include "core/rows.h"
 #define PARAMETER(term, name, ...) double term##_##name;
 #define SHAPE(term, name, ...) double term##_##name;
-#include "fmi2/rows.h"
+#include "core/rows.h"
 #define STATE(name, ...) double der_##name;
-#include "fmi2/rows.h"
+#include "core/rows.h"
 #define INTEGRAL(name, ...) double der_##name;
-#include "fmi2/rows.h"
+#include "core/rows.h"
   int no_integer;
 #define CHOICE(term, name, ...) int term##_##name;
 #define COUNT(term, name, ...) int term##_##name;
 #define CODE(name, ...) int name;
-#include "fmi2/rows.h"
+#include "core/rows.h"
   int no_boolean;
 #define SWITCH(name, ...) int name;
 #define SIGNAL(name, ...) int name;
-#include "fmi2/rows.h"
+#include "core/rows.h"
   double time, start_time; /* s */
   /* inputs over a step: value and derivatives at t0, per input */
   struct {
@@ -143,7 +143,7 @@ typedef struct Unit {
   Happened happened[N_EVENT + 1]; /* since the step began */
   uint32_t changed; /* bit k: the k-th late value of resources/ has come, or the user set that parameter */
 #define MEMORY(type, name, count) type name[count];
-#include "fmi2/rows.h"
+#include "core/rows.h"
 } Unit;
 
 static inline double *reals(const Unit *m) { return (double *)m; }

@@ -1,0 +1,10 @@
+/* Value references of FMI 3.0, where all types share one set: reals as in unit.h, then time, Integers, Booleans. */
+#ifndef COBOT_JOINT_REFERENCES_H
+#define COBOT_JOINT_REFERENCES_H
+
+#include "core/unit.h"
+
+/* Integers and Booleans count from 1 on */
+enum { FMI3_TIME = N_REAL, FMI3_INTEGER = N_REAL, FMI3_BOOLEAN = FMI3_INTEGER + N_INTEGER - 1 };
+
+#endif

@@ -1,0 +1,219 @@
+"""Every unit as an FMI 3.0 FMU: it validates, does what the FMI 2.0 one does, and opens its events and steps."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi3 import FMU3Slave
+from fmpy.validation import validate_fmu
+
+from cobot_joint.units import Unit, find_fmu
+
+UNITS = sorted(table.parent.name for table in (Path(__file__).parents[2] / "fmus").glob("*/model.def"))
+TAKES = {"Float64": "Float64", "Int32": "Int32", "Enumeration": "Int64", "Boolean": "Boolean"}
+
+HEADERS = Path(fmpy.__file__).parent / "c-code"
+STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-fsyntax-only", "-DFMI3_OVERRIDE_FUNCTION_PREFIX"]
+
+Load = Callable[[str], Unit]
+
+
+def fmi3(name: str) -> Path:
+    return find_fmu(f"{name}.fmu").parent / "fmi3" / f"{name}.fmu"
+
+
+class Slave:
+    """An instance of a unit; names of variables in place of references."""
+
+    def __init__(self, name: str, folder: Path, **setup: Any) -> None:
+        self.description = fmpy.read_model_description(str(fmi3(name)))
+        self.variables = {v.name: v for v in self.description.modelVariables}
+        self.log: list[str] = []
+        self.fmu = FMU3Slave(
+            guid=self.description.instantiationToken, modelIdentifier=name, instanceName=name,
+            unzipDirectory=fmpy.extract(str(fmi3(name)), unzipdir=str(folder / name)),
+        )  # fmt: skip
+        self.fmu.instantiate(loggingOn=True, logMessage=lambda *said: self.log.append(said[-1].decode()), **setup)
+
+    def initialise(self, start: Mapping[str, float] | None = None) -> Slave:
+        self.fmu.enterInitializationMode()
+        self.set(start or {})
+        self.fmu.exitInitializationMode()
+        return self
+
+    def vr(self, name: str) -> list[int]:
+        return [self.variables[name].valueReference]
+
+    def set(self, values: Mapping[str, float]) -> None:
+        for name, value in values.items():
+            getattr(self.fmu, f"set{TAKES[self.variables[name].type]}")(self.vr(name), [value])
+
+    def __getitem__(self, name: str) -> float:
+        return float(getattr(self.fmu, f"get{TAKES[self.variables[name].type]}")(self.vr(name))[0])
+
+    def outputs(self) -> list[float]:
+        return [self[v.name] for v in self.variables.values() if v.causality == "output"]
+
+
+@pytest.fixture
+def make(tmp_path: Path) -> Iterator[Callable[..., Slave]]:
+    made = []
+
+    def instantiate(name: str, **setup: Any) -> Slave:
+        made.append(Slave(name, tmp_path / str(len(made)), **setup))
+        return made[-1]
+
+    yield instantiate
+    for slave in made:
+        slave.fmu.freeInstance()
+
+
+def waves(path: Path, end: float) -> np.ndarray:
+    """Every real input as a sine of 0.3 of its nominal value."""
+    inputs = [v for v in fmpy.read_model_description(str(path)).modelVariables if v.causality == "input"]
+    reals = [v for v in inputs if v.type in ("Real", "Float64") and not v.name.startswith("J_")]
+    signals = np.zeros(1001, dtype=[("time", float), *((v.name, float) for v in reals)])
+    signals["time"] = np.linspace(0.0, end, len(signals))
+    for k, v in enumerate(reals):
+        signals[v.name] = 0.3 * float(v.nominal) * np.sin((20 + k) * signals["time"])
+    return signals
+
+
+def simulated(path: Path, **how: Any) -> np.ndarray:
+    return fmpy.simulate_fmu(str(path), stop_time=0.2, output_interval=1e-3, input=waves(path, 0.2), **how)
+
+
+def test_validation_has_no_finding(name: str) -> None:
+    assert validate_fmu(str(fmi3(name))) == []
+
+
+def test_fmpy_simulates_it_to_the_bit_like_the_fmi_2_unit(name: str) -> None:
+    two, three = simulated(find_fmu(f"{name}.fmu")), simulated(fmi3(name))
+    assert two.dtype.names == three.dtype.names
+    for signal in two.dtype.names:
+        np.testing.assert_array_equal(two[signal], three[signal], err_msg=signal)
+
+
+def test_it_has_the_variables_of_the_fmi_2_unit_and_time(load: Load, name: str) -> None:
+    two = load(name).variables
+    three = {v.name: v for v in fmpy.read_model_description(str(fmi3(name))).modelVariables}
+    assert list(three) == ["time", *two]
+    for key, v in two.items():
+        assert (v.causality, v.variability, v.unit) == (three[key].causality, three[key].variability, three[key].unit)
+        if v.start is not None:
+            assert float(v.start) == float(three[key].start) if v.type == "Real" else v.start == three[key].start
+
+
+def test_a_state_that_went_through_bytes_goes_on_to_the_bit(make: Callable[..., Slave], name: str) -> None:
+    slave, other = make(name).initialise(), make(name).initialise()
+    inputs = [v for v in slave.variables.values() if v.causality == "input" and v.type == "Float64"]
+    slave.set({v.name: 0.3 * float(v.nominal) for v in inputs if not v.name.startswith("J_")})
+    slave.fmu.doStep(0.0, 0.01)
+    state = slave.fmu.getFMUState()
+    other.fmu.setFMUState(other.fmu.deserializeFMUState(slave.fmu.serializeFMUState(state)))
+    for s in (slave, other):
+        s.fmu.doStep(0.01, 0.01)
+    assert slave["time"] == other["time"] == 0.02
+    assert slave.outputs() == other.outputs()
+    slave.fmu.setFMUState(state)
+    slave.fmu.doStep(0.01, 0.01)
+    assert slave.outputs() == other.outputs()
+
+
+def test_a_step_ends_at_an_event_in_event_mode_and_goes_on_as_without(make: Callable[..., Slave]) -> None:
+    """a gear's output that turns through the gap until the teeth touch"""
+    gap = {"backlash.b_x": 0.01, "w_o": 1.0}
+    plain = make("planetary_gear").initialise(gap)
+    stepped = make("planetary_gear", eventModeUsed=True, earlyReturnAllowed=True).initialise(gap)
+    stepped.fmu.updateDiscreteStates()
+    stepped.fmu.enterStepMode()
+    plain.fmu.doStep(0.0, 0.2)
+    times, t = [], 0.0
+    while t < 0.2:
+        event, _, early, last = stepped.fmu.doStep(t, 0.2 - t)
+        assert early == (last < 0.2)
+        t = last
+        if event:
+            times.append(t)
+            stepped.fmu.enterEventMode()
+            assert stepped.fmu.updateDiscreteStates()[3]  # states, or what stands for them, have changed
+            stepped.fmu.enterStepMode()
+    assert all(np.diff(times) >= 0)
+    assert 0 < times[0] < 0.2
+    assert stepped.outputs() == pytest.approx(plain.outputs(), rel=1e-6, abs=1e-9)
+
+
+def test_within_a_step_a_master_reads_sets_and_ends_it(make: Callable[..., Slave]) -> None:
+    seen: list[tuple[float, float]] = []
+
+    def look(_environment: Any, t: float, *said: Any) -> None:
+        *allowed, end, end_time = said  # set, get, the integrator's step is finished, the step may end
+        seen.append((t, slave["w"] if all(allowed) else np.nan))
+        slave.set({"set_value": 6.0 if t < 5e-3 else 0.0})
+        if t > 8e-3:
+            end[0], end_time[0] = True, t
+
+    slave = make("motor_bldc", earlyReturnAllowed=True, intermediateUpdate=look).initialise()
+    event, terminate, early, last = slave.fmu.doStep(0.0, 0.02)
+    assert (event, terminate, early) == (False, False, True)
+    times, speeds = zip(*seen, strict=True)
+    assert all(np.diff(times) > 0)
+    assert 8e-3 < times[-1] == last == slave["time"] < 0.02
+    assert speeds[0] < speeds[-1]
+    assert slave["set_value"] == 0.0
+    slave.fmu.doStep(last, 0.02 - last)  # from where it is
+    with pytest.raises(FMICallException):
+        slave.fmu.doStep(0.5, 0.01)
+    assert "fmi3DoStep: currentCommunicationPoint 0.5" in slave.log[-1]
+
+
+def test_choices_are_enumerations(make: Callable[..., Slave]) -> None:
+    slave = make("motor_bldc")
+    level = slave.variables["motor.level"]
+    assert level.type == "Enumeration"
+    assert next(item.name for item in level.declaredType.items) == "averaged"
+    slave.initialise({"motor.level": 2})
+    assert slave["motor.level"] == 2
+    with pytest.raises(FMICallException):
+        slave.fmu.getInt32(slave.vr("motor.level"))
+
+
+@pytest.mark.parametrize("wrong", ["time", "w", "i"])
+def test_what_the_unit_calculates_cannot_be_set(make: Callable[..., Slave], wrong: str) -> None:
+    slave = make("motor_bldc").initialise()
+    with pytest.raises(FMICallException):
+        slave.fmu.setFloat64(slave.vr(wrong), [1.0])
+    assert slave.log[-1].startswith("fmi3SetFloat64: ")
+
+
+def test_a_unit_without_events_refuses_event_mode(make: Callable[..., Slave]) -> None:
+    with pytest.raises(Exception, match="instantiate"):
+        make("torque_sensor", eventModeUsed=True)
+
+
+def test_an_outputs_derivative_is_its_slope(make: Callable[..., Slave]) -> None:
+    slave = make("motor_bldc").initialise({"set_value": 6.0})
+    slave.fmu.doStep(0.0, 0.01)
+    before, slope = slave["w"], float(slave.fmu.getOutputDerivatives(slave.vr("w"), [1])[0])
+    slave.fmu.doStep(0.01, 1e-6)
+    assert slope == pytest.approx((slave["w"] - before) / 1e-6, rel=1e-3)
+    assert slope == pytest.approx(slave["der(w)"], rel=1e-3)
+
+
+def test_its_sources_compile_without_those_of_fmi_2(tmp_path: Path, name: str) -> None:
+    compiler = shutil.which("gcc") or shutil.which("cc") or shutil.which("clang")
+    if compiler is None:
+        pytest.skip("no C compiler on this machine")
+    sources = Path(fmpy.extract(str(fmi3(name)), unzipdir=str(tmp_path))) / "sources"
+    assert not (sources / "fmi2").exists()
+    call = [compiler, *STRICT, "-I", str(sources), "-I", str(HEADERS), str(sources / "all.c")]
+    done = subprocess.run(call, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

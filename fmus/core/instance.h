@@ -13,7 +13,7 @@
 typedef enum { OK = 0, DISCARDED = 2, REFUSED = 3 } Status;
 typedef uint32_t Reference; /* fmi2ValueReference and fmi3ValueReference */
 
-/* FMI 2.0.4, 4.2.4 "State Machine for Co-Simulation"; FMI 3.0.2, 2.3 and 4.2 */
+/* FMI 2.0.4, 4.2.4 "State Machine for Co-Simulation"; FMI 3.0, "State Machine for Co-Simulation" */
 typedef enum {
   INSTANTIATED = 1,
   INITIALIZATION = 2,

@@ -124,7 +124,7 @@ static int *discrete_variable(Unit *m, DiscreteType type, Reference vr, const Di
 
 static inline int as_int(int64_t value) { return value > INT_MAX ? INT_MAX : value < INT_MIN ? INT_MIN : (int)value; }
 
-/* FMI 3.0.2, 2.2.6: Enumerations are read and set as Int64 */
+/* FMI 3.0: Enumerations are read and set as Int64 */
 #define DISCRETE_VARIABLES(Type, type)                                                                                 \
   static Status get_##Type(Instance *c, const Reference vr[], size_t n, fmi3##Type value[], size_t n_values) {         \
     VALUES(n);                                                                                                         \

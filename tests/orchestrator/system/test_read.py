@@ -78,7 +78,7 @@ def test_missing_fmu_is_refused_with_where_it_was_looked_for(make_system: Make, 
 
 
 def test_unknown_system_is_refused_with_the_shipped_ones() -> None:
-    with pytest.raises(UserError, match=r"system 'joynt': there is none, allowed are .*joint, joint_logged"):
+    with pytest.raises(UserError, match=r"system 'joynt': there is none, allowed are .*joint_compliant, joint_logged"):
         load_system("joynt")
 
 

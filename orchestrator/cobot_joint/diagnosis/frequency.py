@@ -37,12 +37,10 @@ from cobot_joint.system.read import find_system, load_system
 
 BAND = 0.8  # of what a finding takes, that its band holds
 DEGREE = 7  # degree of the polynomial in ln omega from which the data's own scatter is told
-FIRST = (
-    0.1  # of a term's range, beyond which no fit of it begins: with far too much of it the bench chatters for minutes
-)
+FIRST = 0.1  # of a term's range, beyond which no fit of it begins: the bench would chatter for minutes
 FITTED = 2  # leaders of the score that are fitted
 SEEN = (0.5, 50.0)  # whitened length that a probe of a term should have: seen, and not far from linear
-ROUGH = Precision(roughly=0.02, steps=12, jacobians=4)  # on frequencies that cost little: where to start on all
+ROUGH = Precision(roughly=0.02, steps=12, jacobians=4)  # of the base model on frequencies that cost little, before all
 CALIBRATION = Precision(steps=4)  # on all frequencies, after a fit on those that cost little
 FINISHED = Precision(settled=0.1, steps=12)  # a term and what it stands in for leave a narrow valley
 WITHIN_REACH = 4.0  # times the lowest chi-square, up to which a reading is fitted to its end: twice its rms
@@ -221,7 +219,7 @@ def _fits(response: Response, alternative: Alternative, base: Fit, leaders: Sequ
             most = term.neutral + FIRST * min(term.upper - term.neutral, 10.0)
             amplitude = float(np.clip(candidate.shape[term.amplitude], term.lower, most))
             start = {**candidate.shape, term.amplitude: amplitude}
-            rough = fit(fast, base.hypothesis.with_effects(ActiveTerm(term, start)), precision=ROUGH)
+            rough = fit(fast, base.hypothesis.with_effects(ActiveTerm(term, start)))
             if rough is None:
                 continue
             found = fit(problem, rough.settled().hypothesis, rough.settled().x, precision=FINISHED)

@@ -37,10 +37,8 @@ from cobot_joint.system.read import find_system, load_system
 
 BAND = 0.8  # of what a finding takes, that its band holds
 DEGREE = 7  # degree of the polynomial in ln omega from which the data's own scatter is told
-FIRST = 0.1  # of a term's range, beyond which no fit of it begins: the bench would chatter for minutes
 FITTED = 2  # leaders of the score that are fitted
 SEEN = (0.5, 50.0)  # whitened length that a probe of a term should have: seen, and not far from linear
-ROUGH = Precision(roughly=0.02, steps=12, jacobians=4)  # of the base model on frequencies that cost little, before all
 CALIBRATION = Precision(steps=4)  # on all frequencies, after a fit on those that cost little
 FINISHED = Precision(settled=0.1, steps=12)  # a term and what it stands in for leave a narrow valley
 WITHIN_REACH = 4.0  # times the lowest chi-square, up to which a reading is fitted to its end: twice its rms
@@ -167,7 +165,7 @@ def diagnose_response(
         if any(f.chi2 < near for f in fits.values()):
             say(f"fitting to the end: {alternative.name}")
             key = (alternative.model_dump(), [candidate.term for candidate in leaders])
-            fits = store.remember("finished", key, partial(_finished, response, alternative, fits, near))
+            fits = store.remember("finished", key, partial(_finished, response, alternative, fits))
         allowed = {name: f for name, f in fits.items() if not response.given.terms or name in response.given.terms}
         repaired, equivalent = choose(base, allowed, len(ranking))
         readings.append(Reading(alternative, nominal, base, repaired, ranking, equivalent))
@@ -196,7 +194,7 @@ def _calibrate(response: Response, alternative: Alternative) -> tuple[float, Fit
         parameters = problem.plant.parameters
         bounds = {n: t.bounds(parameters[n].nominal) for n, t in response.given.tolerances.items() if n in parameters}
         hypothesis = Hypothesis(tolerances(problem, bounds))
-        rough = fit(fast, hypothesis, precision=ROUGH)
+        rough = fit(fast, hypothesis)
         found = fit(problem, hypothesis, rough.x if rough else None, precision=CALIBRATION)
         if found is None:
             raise UserError(
@@ -216,9 +214,7 @@ def _fits(response: Response, alternative: Alternative, base: Fit, leaders: Sequ
     with _problems(response, alternative) as (problem, fast):
         for candidate in leaders:
             term = next(t for t in problem.plant.terms if t.name == candidate.term)
-            most = term.neutral + FIRST * min(term.upper - term.neutral, 10.0)
-            amplitude = float(np.clip(candidate.shape[term.amplitude], term.lower, most))
-            start = {**candidate.shape, term.amplitude: amplitude}
+            start = {**candidate.shape, term.amplitude: term.neutral + 0.1 * min(term.upper - term.neutral, 10.0)}
             rough = fit(fast, base.hypothesis.with_effects(ActiveTerm(term, start)))
             if rough is None:
                 continue
@@ -228,10 +224,9 @@ def _fits(response: Response, alternative: Alternative, base: Fit, leaders: Sequ
     return fits
 
 
-def _finished(response: Response, alternative: Alternative, fits: Mapping[str, Fit], near: float) -> dict[str, Fit]:
-    """Those whose chi-square is below `near`, fitted to their end; the others as they are."""
+def _finished(response: Response, alternative: Alternative, fits: Mapping[str, Fit]) -> dict[str, Fit]:
     with _problems(response, alternative) as (problem, _):
-        return {name: _to_the_end(problem, f) if f.chi2 < near else f for name, f in fits.items()}
+        return {name: _to_the_end(problem, found) for name, found in fits.items()}
 
 
 def _to_the_end(problem: Problem, best: Fit) -> Fit:
@@ -290,8 +285,7 @@ def rank(problem: Problem, base: Fit, terms: Sequence[TermCandidate]) -> list[Ca
             if length > 1e-6 and (along > 0 or term.lower < term.neutral):
                 gain = along**2 / length
                 if gain > best.gain:
-                    amplitude = term.neutral + size * along / length
-                    best = Candidate(term.name, gain, {**values, term.amplitude: amplitude}, None)
+                    best = Candidate(term.name, gain, values, None)
         found.append(best)
     return sorted(found, key=lambda c: -c.gain)
 

@@ -25,15 +25,6 @@ UNITS = sorted(table.parent.name for table in (Path(__file__).parents[2] / "fmus
 Load = Callable[[str], Unit]
 
 
-@pytest.fixture(scope="module")
-def compiler() -> str:
-    """Skips where there is none: the FMUs themselves come built."""
-    found = shutil.which("gcc") or shutil.which("cc") or shutil.which("clang")
-    if found is None:
-        pytest.skip("no C compiler on this machine")
-    return found
-
-
 def compile_c(compiler: str, *arguments: str | Path) -> None:
     done = subprocess.run([compiler, *map(str, arguments)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -22,6 +22,7 @@ static const int HALL[6] = {1, 3, 2, 6, 4, 5}; /* H1 + 2*H2 + 4*H3 per sector, T
 
 static void unit_start(Unit *m) {
   if (m->time == m->start_time) m->sector[0] = sector_of(electrical_angle(m));
+  m->lossy[0] = any_loss(m);
   start_sliding(m, m->w);
 }
 
@@ -40,7 +41,7 @@ static inline void temperatures(Unit *m, double winding, double iron) {
 }
 
 static void unit_equations(Unit *m) {
-  const bool averaged = m->motor_level == AVERAGED;
+  const bool averaged = m->motor_level == AVERAGED, lossy = m->lossy[0];
 
   /* winding: R(T_w), eq. 3.1; the line is not one to absolute zero */
   const double T_w = m->winding_heating_T_a + m->rise + m->rise_h;
@@ -55,18 +56,19 @@ static void unit_equations(Unit *m) {
   double v = drive(m, i, e, m->winding_R);
   const double v_drive = v;
   if (m->enable) {
-    v -= bridge_drop(m, v_drive, i);
+    if (lossy) v -= bridge_drop(m, v_drive, i);
     if (m->supply_sag_R_s != 0) v -= m->supply_sag_R_s * i * pow(fabs(v_drive / bus_voltage(m)), m->supply_sag_n);
     if (m->dead_time_V != 0) v -= m->dead_time_V * sgn(i, m->dead_time_i_0);
     v += m->v_add;
   }
 
   /* L di/dt = v - R i - k w, eq. 2.5; or three phases, eq. 2.9 to 2.16 */
-  double tau_e, power = v * i + (m->enable ? 0 : 2 * m->diode_drop_V_d * fabs(i));
+  double tau_e, power = 0; /* from the supply, where somebody asks */
   if (averaged) {
     m->der_x_i = (v - R * i - e) / m->winding_L;
     m->der_x_ia = m->der_x_ib = 0;
     tau_e = k * i;
+    if (lossy) power = v * i + (m->enable ? 0 : 2 * m->diode_drop_V_d * fabs(i));
   } else {
     const Phases p = three_phases(m, v, R, i3);
     m->der_x_ia = p.der[0];
@@ -84,12 +86,12 @@ static void unit_equations(Unit *m) {
   double tau_f = friction(m, m->w, 0);
   if (m->motor_level == COMPREHENSIVE)
     tau_f += m->friction_d * m->w * m->viscous_dynamic_D * exp(-fabs(m->w) / m->viscous_dynamic_w_D);
-  const double tau_Fe = iron_torque(m);
+  const double tau_Fe = lossy ? iron_torque(m) : 0;
   tau_f += cogging(m) + tau_Fe;
   m->der_w = held_by_friction(m) ? 0 : (tau_e - tau_f - m->tau + m->tau_add) / (m->rotor_J + m->J_coupled);
   m->der_phi = m->w;
-  temperatures(m, R * (square(i) + (m->enable ? ripple_square(m, v_drive) : 0)), tau_Fe * m->w);
-  m->der_surge = surge_rate(m, power + (m->enable ? (v_drive - v) * i : 0));
+  temperatures(m, R * (square(i) + (lossy && m->enable ? ripple_square(m, v_drive) : 0)), tau_Fe * m->w);
+  m->der_surge = lossy ? surge_rate(m, power + (m->enable ? (v_drive - v) * i : 0)) : 0;
 
   const bool averages = m->drive_T_i > 0;
   m->der_x_r = averages ? (i - m->x_r) / m->drive_T_i : 0;

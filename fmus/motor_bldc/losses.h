@@ -5,6 +5,11 @@
 #include "core/unit.h"
 #include "motor_bldc/constants.h"
 
+/* whether there is any: follows from the parameters, and is asked in every evaluation */
+static inline bool any_loss(const Unit *m) {
+  return m->mosfet_R_on != 0 || m->diode_drop_V_d != 0 || m->pwm_T != 0 || m->iron_loss_P != 0 || m->bus_C != 0;
+}
+
 /* voltage lost in the bridge: both active switches 2 R_on i; a diode V_d sgn(i) while the current freewheels, 1 - D of the
  * time, D = |v|/v_bus */
 static inline double bridge_drop(const Unit *m, double v, double i) {

@@ -101,7 +101,7 @@ def diagnose(
     """
     from cobot_joint.diagnosis.checks.plausibility import plausible
     from cobot_joint.diagnosis.data.campaign import load_campaign
-    from cobot_joint.diagnosis.frequency import is_response
+    from cobot_joint.diagnosis.frequency.response import is_response
     from cobot_joint.diagnosis.frequency_run import diagnose_response_campaign
     from cobot_joint.diagnosis.run import diagnose_campaign
 

@@ -50,8 +50,8 @@ def foreign_gear_library(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return library
 
 
-@pytest.fixture
-def foreign_gear(foreign_gear_library: Path, tmp_path: Path) -> MakeGear:
+@pytest.fixture(scope="session")
+def foreign_gear(foreign_gear_library: Path, tmp_path_factory: pytest.TempPathFactory) -> MakeGear:
     """foreign_gear("name", names={"tau": "tau_m"}, units={"w": "rpm"}, without=["tau_g"], canGetAndSetFMUstate=True)"""
 
     def make(
@@ -62,7 +62,7 @@ def foreign_gear(foreign_gear_library: Path, tmp_path: Path) -> MakeGear:
         library: str = "foreign_gear",
         **can: bool,
     ) -> Path:
-        path = tmp_path / f"{name}.fmu"
+        path = tmp_path_factory.mktemp("gear") / f"{name}.fmu"
         with zipfile.ZipFile(path, "w") as archive:
             archive.writestr("modelDescription.xml", _description(names, units, without, library, can))
             archive.write(foreign_gear_library, f"binaries/{fmpy.platform}/{foreign_gear_library.name}")

@@ -19,7 +19,7 @@ from cobot_joint.units import find_fmu, load_unit
 from cobot_joint.version import __version__
 
 if TYPE_CHECKING:
-    from cobot_joint.diagnosis.frequency import Response
+    from cobot_joint.diagnosis.frequency.response import Response
 
 # of a campaign: no settings, or taken by content below
 ELSEWHERE = {"title", "path", "setups", "recordings", "notes", "suspicions"}

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from cobot_joint.diagnosis.basis import of_response
 from cobot_joint.diagnosis.data.parameters import with_values
-from cobot_joint.diagnosis.frequency import Progress, Reading, Response, diagnose_response, load_response
+from cobot_joint.diagnosis.frequency.readings import Progress, Reading, diagnose_response
+from cobot_joint.diagnosis.frequency.response import Response, load_response
 from cobot_joint.diagnosis.plant.frequency_plant import CHANNEL
 from cobot_joint.diagnosis.provenance import provenance
 from cobot_joint.diagnosis.repair.export import write_repair

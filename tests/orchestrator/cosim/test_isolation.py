@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 import signal
 import subprocess
 import sys
@@ -51,9 +53,17 @@ def system_of(component: Component) -> System:
     return System("crash", (component,), wires, {"u": Connector("u", "input")}, {"y": Connector("y", "output")})
 
 
-def hosts() -> list[str]:
-    lines = subprocess.run(["ps", "-ewwo", "args"], capture_output=True, text=True, check=True).stdout.splitlines()
-    return [line for line in lines if "cosim_host" in line and "crash.so" in line]
+def hosts(parent: int | None = None) -> list[str]:
+    """Of that process, by default this one, or of one that is gone; tests may run beside each other."""
+    lines = subprocess.run(["ps", "-ewwo", "ppid,args"], capture_output=True, text=True, check=True).stdout.splitlines()
+    ours = [line for line in lines if line.split(maxsplit=1)[0] in (str(parent or os.getpid()), "1")]
+    return [line for line in ours if "cosim_host" in line and "crash.so" in line]
+
+
+def limit_time(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """To fill 200 MB takes a busy machine more than half a second."""
+    if way == "memory":
+        monkeypatch.setenv(isolation.TIME_LIMIT, "20")
 
 
 @pytest.mark.parametrize(
@@ -65,8 +75,9 @@ def hosts() -> list[str]:
     ],
 )
 def test_every_way_in_every_call_is_an_error_with_unit_call_and_time(
-    make_component: MakeComponent, way: str, call: str
+    make_component: MakeComponent, monkeypatch: pytest.MonkeyPatch, way: str, call: str
 ) -> None:
+    limit_time(way, monkeypatch)
     name = f"{way}_in_{call}"
     with pytest.raises(SimulationError) as failed:
         simulate(system_of(make_component(name, "crash")), RUN)
@@ -77,12 +88,16 @@ def test_every_way_in_every_call_is_an_error_with_unit_call_and_time(
     assert hosts() == []
 
 
+def write_crash_scenario(component: Component, folder: Path) -> None:
+    write_ssp(system_of(component), folder / "crash.ssp")
+    (folder / "crash.toml").write_text('system = "crash.ssp"\nstop_time = 0.2\n[inputs.u]\npoints = [[0, 1], [1, 3]]\n')
+
+
 def on_the_command_line(
     component: Component, folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], *more: str
 ) -> tuple[object, str]:
     """Status and stderr of `cobot-joint run`."""
-    write_ssp(system_of(component), folder / "crash.ssp")
-    (folder / "crash.toml").write_text('system = "crash.ssp"\nstop_time = 0.2\n[inputs.u]\npoints = [[0, 1], [1, 3]]\n')
+    write_crash_scenario(component, folder)
     monkeypatch.setattr(
         sys, "argv", ["cobot-joint", "run", str(folder / "crash.toml"), "--out", str(folder / "out"), *more]
     )
@@ -96,6 +111,7 @@ def test_run_says_one_line_keeps_the_rows_until_then_and_exits_with_1(
     make_component: MakeComponent, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str],
     way: str,
 ) -> None:  # fmt: skip
+    limit_time(way, monkeypatch)
     status, said = on_the_command_line(make_component(f"{way}_in_DoStep", "crash"), tmp_path, monkeypatch, capfd)
     assert status == 1
     assert said.count("\n") == 1
@@ -112,9 +128,25 @@ def test_run_says_one_line_keeps_the_rows_until_then_and_exits_with_1(
     assert hosts() == []
 
 
-def test_memory_beyond_the_limit_and_what_the_unit_printed_are_told(make_component: MakeComponent) -> None:
-    with pytest.raises(SimulationError, match=r"; it held \d+ MB, 200 MB are allowed \(--memory-limit\)"):
-        simulate(system_of(make_component("memory_in_DoStep", "crash")), RUN)
+def test_memory_beyond_the_limit_is_told(make_component: MakeComponent, tmp_path: Path) -> None:
+    write_crash_scenario(make_component("memory_in_DoStep", "crash"), tmp_path)
+    command = [sys.executable, "-m", "cobot_joint", "run", "crash.toml", "--memory-limit", "400", "--time-limit", "20"]
+    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert ended.returncode == 1
+    assert re.search(r"; it held 3\d\d MB, 400 MB are allowed \(--memory-limit\)", ended.stderr), ended.stderr
+
+
+def test_memory_of_the_process_that_simulates_is_not_told_as_the_units(make_component: MakeComponent) -> None:
+    """Until a process has more than its parent had, its resource usage is its parent's."""
+    held = np.ones(int(400e6) // 8)
+    with pytest.raises(SimulationError) as failed:
+        simulate(system_of(make_component("sleep_in_DoStep", "crash")), RUN)
+    assert held.sum() == len(held)
+    assert LATE in str(failed.value)
+    assert "it held" not in str(failed.value)
+
+
+def test_what_the_unit_printed_is_told(make_component: MakeComponent) -> None:
     with pytest.raises(SimulationError, match=r"; it printed: unit\.c:7: assertion x > 0 failed"):
         simulate(system_of(make_component("assert_in_DoStep", "crash")), RUN)
 
@@ -146,7 +178,7 @@ def test_a_run_that_is_killed_leaves_no_process(make_component: MakeComponent, t
     write_ssp(system_of(make_component("sleep_in_DoStep", "crash")), tmp_path / "crash.ssp")
     command = [sys.executable, "-m", "cobot_joint", "run", "crash.ssp", "--time-limit", "60"]
     running = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE)
-    while not hosts():
+    while not hosts(running.pid):
         assert running.poll() is None
         time.sleep(0.05)
     running.kill()
@@ -161,7 +193,7 @@ def test_ctrl_c_does_not_wait_for_a_unit_that_hangs(make_component: MakeComponen
     write_ssp(system_of(make_component("sleep_in_DoStep", "crash")), tmp_path / "crash.ssp")
     command = [sys.executable, "-m", "cobot_joint", "run", "crash.ssp", "--time-limit", "60"]
     running = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
-    while not hosts():
+    while not hosts(running.pid):
         assert running.poll() is None
         time.sleep(0.05)
     time.sleep(0.5)

@@ -57,7 +57,7 @@ def explanation() -> Explanation:
     return Explanation(fit, fit, selection, selection.selected)
 
 
-@pytest.mark.parametrize("value", VALUES, ids=repr)
+@pytest.mark.parametrize("value", VALUES, ids=lambda value: type(value).__name__)
 def test_a_plain_value_comes_back_in_its_type(tmp_path: Path, value: object) -> None:
     save(tmp_path / "a.npz", value)
     back = load(tmp_path / "a.npz")

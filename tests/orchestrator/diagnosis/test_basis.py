@@ -19,7 +19,7 @@ from cobot_joint.diagnosis import basis
 from cobot_joint.diagnosis.archive import fingerprint
 from cobot_joint.diagnosis.basis import of_campaign, of_response, sources
 from cobot_joint.diagnosis.data.campaign import load_campaign
-from cobot_joint.diagnosis.frequency import load_response
+from cobot_joint.diagnosis.frequency.response import load_response
 from cobot_joint.system import DefaultExperiment, load_system, write_ssd
 from cobot_joint.units import find_fmu
 

@@ -7,6 +7,7 @@
 
 #include <stdatomic.h>
 #include <stdint.h>
+#include <sys/resource.h>
 #include <time.h>
 
 #if defined __linux__
@@ -69,10 +70,20 @@ typedef struct {
   int32_t refused;      /* the call that ended the batch; -1: none did */
   int32_t said_status;  /* what the unit logged last in this batch; 0: nothing */
   uint32_t n_in;        /* bytes */
+  int64_t inherited;    /* bytes: the peak of the process that started this one, which rusage counts as its own */
   char said[SAID];
   _Alignas(8) char in[AREA];
   _Alignas(8) char out[AREA];
 } Channel;
+
+/* Peak memory, which macOS gives in bytes and others in KiB */
+static inline int64_t rusage_bytes(const struct rusage *usage) {
+#if defined __APPLE__
+  return usage->ru_maxrss;
+#else
+  return (int64_t)usage->ru_maxrss * 1024;
+#endif
+}
 
 static inline uint32_t padded(size_t size) { return (uint32_t)((size + 7) & ~(size_t)7); }
 

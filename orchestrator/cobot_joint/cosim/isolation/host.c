@@ -214,11 +214,18 @@ static void limit_memory(const char *bytes) {
   if (most) setrlimit(RLIMIT_AS, &memory);
 }
 
+static int64_t peak_memory(void) {
+  struct rusage usage = {0};
+  getrusage(RUSAGE_SELF, &usage);
+  return rusage_bytes(&usage);
+}
+
 int main(int n, char **arguments) {
   if (n != 3) return 2;
   channel = mmap(NULL, sizeof *channel, PROT_READ | PROT_WRITE, MAP_SHARED, CHANNEL_FD, 0);
   if (channel == MAP_FAILED) return 2;
   close(CHANNEL_FD);
+  channel->inherited = peak_memory();
   pthread_t watcher;
   pthread_attr_t small;
   pthread_attr_init(&small);

@@ -64,7 +64,7 @@ static void add_printed(Remote *r) {
   if (*line) add(r, "; it printed: %.200s", line);
 }
 
-static void tell_end(Remote *r, const char *how, long held) {
+static void tell_end(Remote *r, const char *how, int64_t held) {
   Call call = atomic_load(&r->channel->call);
   if (call == CALL_OPEN)
     add(r, "%s", how);
@@ -78,7 +78,7 @@ static void tell_end(Remote *r, const char *how, long held) {
     before = ", ";
     told++;
   }
-  if (r->memory_limit > 0 && (double)held > 0.8 * r->memory_limit)
+  if (r->memory_limit > 0 && held > r->channel->inherited && (double)held > 0.8 * r->memory_limit)
     add(r, "; it held %.0f MB, %.0f MB are allowed (--memory-limit)", (double)held * 1e-6, r->memory_limit * 1e-6);
   add_printed(r);
 }
@@ -99,11 +99,7 @@ static bool is_gone(Remote *r, const char *why) {
   else
     snprintf(how, sizeof how, "ended its process");
   r->pid = 0;
-#if defined __APPLE__
-  tell_end(r, how, usage.ru_maxrss);
-#else
-  tell_end(r, how, usage.ru_maxrss * 1024L);
-#endif
+  tell_end(r, how, rusage_bytes(&usage));
   return true;
 }
 

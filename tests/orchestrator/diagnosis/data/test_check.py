@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cobot_joint.diagnosis.data.campaign import load_campaign
-from cobot_joint.diagnosis.frequency import load_response
+from cobot_joint.diagnosis.frequency.response import load_response
 from cobot_joint.errors import UserError
 
 CAMPAIGN = """system = "joint"

@@ -11,6 +11,9 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 
+# Tests run beside each other, and threads of linear algebra spin while they wait for a core.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
 # Where the checkout has been built (build/fmus), its own package is tested, else the installed one. Processes that
 # tests start find the same package, and the checkout's benchmarks and proof.
 sys.path.insert(0 if (ROOT / "build" / "fmus").is_dir() else len(sys.path), str(ROOT / "orchestrator"))

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.answer import diagnosis as anchored_diagnosis
@@ -22,7 +21,7 @@ from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit
 from cobot_joint.diagnosis.estimation.multiscale import out_of_local_minimum
-from cobot_joint.diagnosis.estimation.problem import Noise, Problem
+from cobot_joint.diagnosis.estimation.problem import Noise, Problem, one_blas_thread
 from cobot_joint.diagnosis.experiments.discriminate import advise
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding, Ground, Verdict
 from cobot_joint.diagnosis.localization.evidence import where_it_shows
@@ -78,8 +77,7 @@ def diagnose_plant(
 ) -> Diagnosis:
     """`diagnose` with any simulator."""
     say, store = progress or (lambda words: None), store or Store(None)
-    # simulations fill the cores, and BLAS's threads spin while they wait for one that has none
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         return _diagnosed(campaign, plant, say, store, budget or Budget())
 
 
@@ -150,8 +148,9 @@ def explain(
 def identify(campaign: Campaign, plant: Plant) -> Diagnosis:
     """`diagnose_plant` without where the difference lies and what would tell more: enough for counting."""
     store, say = Store(None), (lambda words: None)
-    problem, calibrated = calibrate(campaign, plant, say, store)
-    return explain(campaign, problem, calibrated, say, store, Budget())[0]
+    with one_blas_thread():
+        problem, calibrated = calibrate(campaign, plant, say, store)
+        return explain(campaign, problem, calibrated, say, store, Budget())[0]
 
 
 def noises(campaign: Campaign) -> dict[str, Noise]:

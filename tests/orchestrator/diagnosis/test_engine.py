@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 from scipy.signal import lfilter
-from threadpoolctl import threadpool_info
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from cobot_joint.diagnosis import engine
 from cobot_joint.diagnosis.anchored.search import Search
 from cobot_joint.diagnosis.budget import Budget
 from cobot_joint.diagnosis.candidates.score_test import Scan
 from cobot_joint.diagnosis.data.campaign import Campaign
-from cobot_joint.diagnosis.engine import diagnose_plant
+from cobot_joint.diagnosis.engine import diagnose_plant, identify
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, bounded_step, fit
 from cobot_joint.diagnosis.estimation.problem import Noise, Problem
+from cobot_joint.diagnosis.findings import Diagnosis
+from cobot_joint.diagnosis.plant.plant import Plant, Signals
 from cobot_joint.diagnosis.repair.repair import onsets
 from cobot_joint.diagnosis.selection.stepwise import Selected, Selection, Selector
 from cobot_joint.diagnosis.store import Store
@@ -52,14 +56,25 @@ def test_whitening_leaves_white_noise_of_unit_variance(colour: float) -> None:
     assert abs(np.mean(white[1:] * white[:-1])) < 4 / np.sqrt(3000)
 
 
-def test_linear_algebra_takes_one_thread_beside_the_simulations_and_gives_back_the_others() -> None:
+@pytest.mark.parametrize("ask", [diagnose_plant, identify])
+def test_linear_algebra_takes_one_thread_beside_the_simulations_and_gives_back_the_others(
+    ask: Callable[[Campaign, Plant], Diagnosis],
+) -> None:
     def threads() -> list[int]:
         return [pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"]
 
-    before, during = threads(), list[int]()
-    diagnose_plant(campaign(OFF), Axis(), progress=lambda _: during.extend(threads()))
+    class Watched(Axis):
+        def simulate(self, *arguments: Any, **more: Any) -> Signals:
+            during.extend(threads())
+            return super().simulate(*arguments, **more)
+
+    during: list[int] = []
+    with threadpool_limits(2, "blas"):
+        before = threads()
+        assert set(before) == {2}
+        ask(campaign(OFF), Watched())
+        assert threads() == before
     assert set(during) == {1}
-    assert threads() == before
 
 
 def test_a_bounded_step_is_that_of_the_textbook_solver() -> None:

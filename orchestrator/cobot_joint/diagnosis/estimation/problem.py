@@ -5,11 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
+from threadpoolctl import threadpool_limits
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.data.recording import Recording
@@ -103,6 +105,11 @@ class Block:
     channel: str
     rows: slice
     weight: NDArray[np.float64]  # 0 where not recorded
+
+
+def one_blas_thread() -> AbstractContextManager[object]:
+    """Simulations fill the cores, and threads of BLAS spin while they wait for one."""
+    return threadpool_limits(limits=1, user_api="blas")
 
 
 class Problem:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.data.campaign_file import Alternative
 from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.problem import one_blas_thread
 from cobot_joint.diagnosis.findings import Candidate, Diagnosis, Estimate, Finding
 from cobot_joint.diagnosis.frequency.fits import calibrate, on_all, ranked, roughly
 from cobot_joint.diagnosis.frequency.response import Response
@@ -46,8 +46,7 @@ def diagnose_response(
 
     Terms are ranked under the reading that the base model fits best; the leaders are fitted under all of them.
     """
-    # simulations fill the cores, and BLAS's threads spin while they wait for one that has none
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         return _diagnosed(response, store, progress or (lambda words: None))
 
 

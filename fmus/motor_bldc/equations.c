@@ -99,6 +99,7 @@ static void unit_equations(Unit *m) {
   m->i_reading = averages ? m->x_r : i;
   m->tau_e = tau_e;
   m->v = v;
+  m->v_dc = bus_voltage(m);
   m->T_w = T_w;
   if (!averaged) {
     m->i_a = i3[0];
@@ -112,7 +113,6 @@ static double encoder_counts(const Unit *m) { return floor(4 * m->encoder_lines 
 
 /* what only an observer needs: phase quantities of the DC equivalent, Hall code, encoder */
 static void unit_observe(Unit *m) {
-  m->v_dc = bus_voltage(m);
   const int n = m->motor_level == AVERAGED ? modulo6(sector_of(electrical_angle(m))) : modulo6(m->sector[0]);
   if (m->motor_level == AVERAGED) {
     double i3[3] = {0}, shape[3];

@@ -50,6 +50,7 @@ def calibrate(response: Response, alternative: Alternative) -> tuple[float, Fit]
 
 
 def ranked(response: Response, alternative: Alternative, base: Fit) -> list[Candidate]:
+    """Every term of the system, by what it would take of chi-square under this reading."""
     with problems(response, alternative) as (_, fast):
         return rank(fast, base, fast.plant.terms)
 

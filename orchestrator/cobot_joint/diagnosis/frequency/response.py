@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -19,6 +18,7 @@ from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.problem import SMOOTH, Noise, Problem
 from cobot_joint.diagnosis.plant.frequency_plant import CHANNEL, FrequencyPlant, by_frequency, quick
 from cobot_joint.errors import UserError, among
+from cobot_joint.scenario.frequency_response import read_table
 from cobot_joint.system.model import System, Value
 from cobot_joint.system.read import find_system, load_system
 
@@ -28,12 +28,7 @@ Vector = NDArray[np.float64]
 
 def read_amplitudes(path: Path) -> tuple[Vector, Vector]:
     """Two columns with headers: (frequencies rad/s, amplitudes). UserError: it is not that."""
-    try:
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = [[float(cell) for cell in row] for row in list(csv.reader(file))[1:] if row]
-        omega, amplitude = np.array(rows, dtype=np.float64).T
-    except (OSError, ValueError) as error:
-        raise UserError(f"{path}: a table of frequency and amplitude is needed: {error}") from error
+    omega, amplitude = read_table(path)
     if not (np.all(omega > 0) and np.all(amplitude > 0)):
         raise UserError(f"{path}: frequencies and amplitudes have to be positive")
     return omega, amplitude

@@ -7,6 +7,7 @@
 
 #include EQUATIONS
 
+#include "core/continuous.h"
 #include "core/life.h"
 #include "core/states.h"
 #include "core/steps.h"

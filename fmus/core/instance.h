@@ -21,10 +21,14 @@ typedef enum {
   TERMINATED = 8,
   FAILED = 16,        /* a call was an error: no way on but a reset or an FMU state */
   STOPPED_SHORT = 32, /* a step was discarded: the unit is at the last successful time */
-  EVENT = 64,         /* FMI 3.0: the master updates discrete states */
-  INTERMEDIATE = 128  /* FMI 3.0: the master looks into a step */
+  EVENT = 64,         /* the master updates discrete states */
+  INTERMEDIATE = 128, /* FMI 3.0: the master looks into a step */
+  CONTINUOUS = 256    /* model exchange: the master integrates */
 } Phase;
-enum { READABLE = INITIALIZATION | STEPPING | TERMINATED | FAILED | STOPPED_SHORT | EVENT | INTERMEDIATE, ANY = 127 };
+enum {
+  ANY = INSTANTIATED | INITIALIZATION | STEPPING | TERMINATED | FAILED | STOPPED_SHORT | EVENT | CONTINUOUS,
+  READABLE = (ANY & ~INSTANTIATED) | INTERMEDIATE
+};
 
 static const char *phase_name(Phase phase) {
   switch (phase) {
@@ -36,6 +40,7 @@ static const char *phase_name(Phase phase) {
     case STOPPED_SHORT: return "short of its step's end";
     case EVENT: return "in event mode";
     case INTERMEDIATE: return "within a step";
+    case CONTINUOUS: return "in continuous-time mode";
   }
   return NULL; /* no phase */
 }

@@ -18,7 +18,9 @@ static void set_starts(Unit *m) {
   m->stale = m->restart = 1;
 }
 
-static inline bool is_initialized(const Instance *c) { return c->phase & (STEPPING | EVENT | INTERMEDIATE); }
+static inline bool is_initialized(const Instance *c) {
+  return c->phase & (STEPPING | EVENT | INTERMEDIATE | CONTINUOUS);
+}
 
 /* An instance of `size` bytes that begins as *c, which has a log. NULL: refused, and said why. */
 static void *new_instance(Instance *c, size_t size, const char *name, const char *guid, const char *resources) {

@@ -64,6 +64,10 @@
 #define HELD_TORQUE(...)
 #endif
 
+#ifndef SAMPLES_STEPS /* (what): the unit takes its samples at communication points, so model exchange has no place for it */
+#define SAMPLES_STEPS(...)
+#endif
+
 #include MODEL_DEF
 
 #undef UNIT
@@ -87,3 +91,4 @@
 #undef MEMORY
 #undef FLANGE
 #undef HELD_TORQUE
+#undef SAMPLES_STEPS

@@ -140,14 +140,15 @@ static Status do_step(Instance *c, double t, double h, Watch *watch) {
 
 /* Of the unknowns: outputs and derivatives of states. Of the knowns: inputs and states, and while initializing parameters. */
 static bool is_unknown(Reference vr) {
-  if (vr >= N_PUBLIC) return vr < FIRST_DER + N_STATE;
+  if (vr >= N_PUBLIC) return vr < N_REAL;
   return REAL_INFO[vr].kind <= IS_OUTPUT && REAL_INFO[vr].kind != IS_INPUT;
 }
 
 static bool is_known(const Instance *c, Reference vr) {
   if (vr >= N_PUBLIC) return false;
   const Kind kind = REAL_INFO[vr].kind;
-  return kind == IS_INPUT || kind == IS_STATE || (kind == IS_PARAMETER && c->phase == INITIALIZATION);
+  return kind == IS_INPUT || kind == IS_STATE || kind == IS_INTEGRAL ||
+         (kind == IS_PARAMETER && c->phase == INITIALIZATION);
 }
 
 /* what counts as much of a variable: of a parameter its value, which may be 1e-6 or 1e6 */

@@ -6,13 +6,13 @@
 
 /* values as states, inputs and parameters have them now */
 static inline Status bring_up_to_date(Instance *c) {
-  if ((c->phase & (INITIALIZATION | STEPPING | EVENT | INTERMEDIATE)) && !settle(c))
+  if ((c->phase & (INITIALIZATION | STEPPING | EVENT | INTERMEDIATE | CONTINUOUS)) && !settle(c))
     FAIL(c, "events follow each other without end");
   return OK;
 }
 
 static inline Status get_reals(Instance *c, const Reference vr[], size_t n, double value[]) {
-  CHECK_LIST(0, FIRST_DER + N_STATE, "real");
+  CHECK_LIST(0, N_REAL, "real");
   const Status status = bring_up_to_date(c);
   if (status != OK) return status;
   for (size_t i = 0; i < n; i++) value[i] = reals(&c->unit)[vr[i]];
@@ -33,6 +33,8 @@ static inline Status set_reals(Instance *c, const Reference vr[], size_t n, cons
     if (value[i] < lowest(vr[i]) || value[i] > highest(vr[i]))
       DISCARD(c, "%s = %g %s is outside %g to %g", full_name(name, r->term, r->name), value[i], r->unit, lowest(vr[i]),
               highest(vr[i]));
+    if (c->phase == CONTINUOUS && r->kind == IS_PARAMETER)
+      FAIL(c, "%s is a parameter; in model exchange it is set in event mode", full_name(name, r->term, r->name));
     if (FIXED_INFO[vr[i]] && is_initialized(c))
       FAIL(c, "%s is fixed once the unit is initialized", full_name(name, r->term, r->name));
   }

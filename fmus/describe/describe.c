@@ -94,7 +94,7 @@ static const char *unit_per_second(char out[NAME_SIZE], const char *unit) {
 }
 
 static int is_of_state(const char *unit) {
-  for (int i = 0; i < N_STATE; i++)
+  for (int i = 0; i < N_X; i++)
     if (strcmp(REAL_INFO[i].unit, unit) == 0) return 1;
   return 0;
 }
@@ -103,7 +103,7 @@ static int used(const char *unit) {
   char per_second[NAME_SIZE];
   for (int i = 0; i < N_PUBLIC; i++) {
     if (strcmp(REAL_INFO[i].unit, unit) == 0) return 1;
-    if (i < N_STATE && strcmp(unit_per_second(per_second, REAL_INFO[i].unit), unit) == 0) return 1;
+    if (i < N_X && strcmp(unit_per_second(per_second, REAL_INFO[i].unit), unit) == 0) return 1;
   }
   return 0;
 }

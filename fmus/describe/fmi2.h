@@ -75,14 +75,20 @@ static int xml_structure(void) {
   printf("  <ModelStructure>\n    <Outputs>\n");
   const int bad = xml_outputs(by);
   printf("    </Outputs>\n");
-  if (N_STATE > 0) printf("    <Derivatives>\n");
+  if (N_X > 0) printf("    <Derivatives>\n");
   xml_derivatives(by, by->derivative);
-  if (N_STATE > 0) printf("    </Derivatives>\n");
+  if (N_X > 0) printf("    </Derivatives>\n");
   printf("    <InitialUnknowns>\n");
   xml_initial_unknowns(by);
   printf("    </InitialUnknowns>\n  </ModelStructure>\n");
   return bad;
 }
+
+enum {
+  SAMPLES_AT_STEPS = 0
+#define SAMPLES_STEPS(what) +1
+#include "core/rows.h"
+};
 
 static int xml_fmi2(const char *version) {
   printf("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<fmiModelDescription fmiVersion=\"2.0\" modelName=\"%s\" "
@@ -90,8 +96,14 @@ static int xml_fmi2(const char *version) {
          UNIT_NAME, UNIT_GUID);
   attribute("description", UNIT_TEXT);
   printf(" author=\"the cobot-joint developers\" version=\"%s\" license=\"BSD-2-Clause\" generationTool=\"cobot-joint\""
-         " variableNamingConvention=\"structured\" numberOfEventIndicators=\"0\">\n",
-         version);
+         " variableNamingConvention=\"structured\" numberOfEventIndicators=\"%d\">\n",
+         version, (int)N_EVENT);
+  if (!SAMPLES_AT_STEPS)
+    printf("  <ModelExchange modelIdentifier=\"%s\" completedIntegratorStepNotNeeded=\"true\""
+           " canNotUseMemoryManagementFunctions=\"true\" canGetAndSetFMUstate=\"true\""
+           " canSerializeFMUstate=\"true\" providesDirectionalDerivative=\"true\">\n"
+           "    <SourceFiles><File name=\"all.c\"/></SourceFiles>\n  </ModelExchange>\n",
+           UNIT_NAME);
   printf("  <CoSimulation modelIdentifier=\"%s\" canHandleVariableCommunicationStepSize=\"true\" "
          "canInterpolateInputs=\"true\""
          " maxOutputDerivativeOrder=\"1\" canNotUseMemoryManagementFunctions=\"true\" canGetAndSetFMUstate=\"true\""
@@ -107,7 +119,7 @@ static int xml_fmi2(const char *version) {
   for (int i = 0; i < N_PUBLIC; i++) xml_real(i);
   for (int i = 1; i < N_INTEGER; i++) xml_integer(i);
   for (int i = 1; i < N_BOOLEAN; i++) xml_boolean(i);
-  for (int i = 0; i < N_STATE; i++) xml_derivative(i);
+  for (int i = 0; i < N_X; i++) xml_derivative(i);
   printf("  </ModelVariables>\n");
   bad |= xml_structure();
   printf("</fmiModelDescription>\n");

@@ -121,7 +121,7 @@ static int xml_fmi3(const char *version) {
   for (int i = 0; i < N_PUBLIC; i++) xml_float(i);
   for (int i = 1; i < N_INTEGER; i++) xml_int32_or_enumeration(i);
   for (int i = 1; i < N_BOOLEAN; i++) xml_bool(i);
-  for (int i = 0; i < N_STATE; i++) xml_derivative_float(i);
+  for (int i = 0; i < N_X; i++) xml_derivative_float(i);
   printf("  </ModelVariables>\n  <ModelStructure>\n");
   bad |= xml_outputs(by);
   xml_derivatives(by, by->derivative);

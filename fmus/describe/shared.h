@@ -37,6 +37,7 @@ static void real_attributes(int i) {
   if (highest((size_t)i) < DBL_MAX) printf(" max=\"%.17g\"", highest((size_t)i));
   printf(" nominal=\"%.17g\"", r->kind != IS_PARAMETER ? r->nominal : r->start != 0 ? fabs(r->start) : 1);
   if (has_start(r)) printf(" start=\"%.17g\"", r->start);
+  if (r->kind == IS_STATE && N_EVENT > 0) printf(" reinit=\"true\"");
 }
 
 /* the option at `*at`, which moves on behind it; NULL behind the last */
@@ -157,8 +158,8 @@ static int xml_output(const Numbering *by, int number, int state, const char *fe
   int bad = 0;
   const char *sep = "";
   printf("      <%s %s=\"%d\" dependencies=\"", by->output, by->attribute, number);
-  for (int i = 0; i < N_STATE; i++) {
-    if (state >= 0 && i != state) continue;
+  for (int i = 0; i < N_X; i++) {
+    if (state >= 0 ? i != state : i >= N_STATE) continue; /* nothing depends on an integral but itself */
     printf("%s%d", sep, by->real + i);
     sep = " ";
   }
@@ -177,8 +178,7 @@ static int xml_outputs(const Numbering *by) {
   int bad = 0;
   for (int i = 0; i < N_PUBLIC; i++)
     if (is_output(i))
-      bad |=
-          xml_output(by, by->real + i, i < N_STATE ? i : -1, REAL_INFO[i].kind == IS_OUTPUT ? REAL_INFO[i].feeds : "");
+      bad |= xml_output(by, by->real + i, i < N_X ? i : -1, REAL_INFO[i].kind == IS_OUTPUT ? REAL_INFO[i].feeds : "");
   for (int i = 1; i < N_INTEGER; i++)
     if (INTEGER_INFO[i].kind == IS_OUTPUT) bad |= xml_output(by, by->integer + i, -1, INTEGER_INFO[i].feeds);
   for (int i = 1; i < N_BOOLEAN; i++)
@@ -187,7 +187,7 @@ static int xml_outputs(const Numbering *by) {
 }
 
 static void xml_derivatives(const Numbering *by, const char *element) {
-  for (int i = 0; i < N_STATE; i++) printf("      <%s %s=\"%d\"/>\n", element, by->attribute, by->first_derivative + i);
+  for (int i = 0; i < N_X; i++) printf("      <%s %s=\"%d\"/>\n", element, by->attribute, by->first_derivative + i);
 }
 
 static void xml_initial_unknowns(const Numbering *by) {

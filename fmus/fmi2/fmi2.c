@@ -1,4 +1,4 @@
-/* FMI 2.0 for co-simulation: the core's functions by the names and types of the standard.
+/* FMI 2.0 for co-simulation and model exchange: the core's functions by the names and types of the standard.
  * One translation unit per FMU: EQUATIONS names the unit's equations.c, MODEL_DEF its table, UNIT_GUID is its GUID. */
 #include "core/core.h"
 #include "fmi2Functions.h"
@@ -6,6 +6,7 @@
 typedef struct {
   Instance core;
   const fmi2CallbackFunctions *callbacks;
+  bool exchange; /* model exchange: the master integrates */
 } Fmi2Instance;
 
 static void fmi2_log(const Instance *c, Status status, const char *category, const char *text) {
@@ -16,7 +17,11 @@ static void fmi2_log(const Instance *c, Status status, const char *category, con
 
 /* the call as the core has it, in the phases in which the standard allows it */
 #define CALL(phases, done) return enter(component, __func__, (phases)) != OK ? fmi2Error : (fmi2Status)(done)
-enum { SETTABLE = INSTANTIATED | INITIALIZATION | STEPPING, SOLVED = STEPPING | TERMINATED | STOPPED_SHORT };
+enum {
+  SETTABLE = INSTANTIATED | INITIALIZATION | STEPPING | EVENT, /* in continuous-time mode: real inputs alone */
+  SOLVED = STEPPING | TERMINATED | STOPPED_SHORT,
+  EXCHANGED = EVENT | CONTINUOUS
+};
 
 const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
 const char *fmi2GetVersion(void) { return fmi2Version; }
@@ -25,10 +30,12 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
                               const fmi2CallbackFunctions *callbacks, fmi2Boolean visible, fmi2Boolean debug) {
   (void)visible;
   if (!callbacks) return NULL;
-  Fmi2Instance c = {.core = {.log = fmi2_log, .call = __func__, .log_events = debug != 0}, .callbacks = callbacks};
-  if (type != fmi2CoSimulation && name && *name) {
+  Fmi2Instance c = {.core = {.log = fmi2_log, .call = __func__, .log_events = debug != 0},
+                    .callbacks = callbacks,
+                    .exchange = type == fmi2ModelExchange};
+  if (c.exchange && no_model_exchange() && name && *name) {
     c.core.name = (char *)name;
-    say(&c.core, REFUSED, "logStatusError", "only co-simulation is offered, not model exchange");
+    say(&c.core, REFUSED, "logStatusError", "only co-simulation is offered: %s", no_model_exchange());
     return NULL;
   }
   return new_instance(&c.core, sizeof c, name, guid, resources);
@@ -46,8 +53,15 @@ fmi2Status fmi2SetupExperiment(fmi2Component component, fmi2Boolean tolerance_gi
 }
 
 fmi2Status fmi2EnterInitializationMode(fmi2Component component) { CALL(INSTANTIATED, go(component, INITIALIZATION)); }
-fmi2Status fmi2ExitInitializationMode(fmi2Component component) { CALL(INITIALIZATION, end_initialization(component)); }
-fmi2Status fmi2Terminate(fmi2Component component) { CALL(STEPPING | STOPPED_SHORT, go(component, TERMINATED)); }
+
+static Status exit_initialization(Fmi2Instance *c) {
+  const Status status = end_initialization(&c->core);
+  return status == OK && c->exchange ? go(&c->core, EVENT) : status;
+}
+fmi2Status fmi2ExitInitializationMode(fmi2Component component) { CALL(INITIALIZATION, exit_initialization(component)); }
+fmi2Status fmi2Terminate(fmi2Component component) {
+  CALL(STEPPING | STOPPED_SHORT | EXCHANGED, go(component, TERMINATED));
+}
 fmi2Status fmi2Reset(fmi2Component component) { CALL(ANY, reset(component)); }
 
 /* ---- variables ------------------------------------------------------------------------------------------------- */
@@ -55,7 +69,7 @@ fmi2Status fmi2GetReal(fmi2Component component, const fmi2ValueReference vr[], s
   CALL(READABLE, get_reals(component, vr, n, value));
 }
 fmi2Status fmi2SetReal(fmi2Component component, const fmi2ValueReference vr[], size_t n, const fmi2Real value[]) {
-  CALL(SETTABLE, set_reals(component, vr, n, value));
+  CALL(SETTABLE | CONTINUOUS, set_reals(component, vr, n, value));
 }
 
 static Status get_integers(Instance *c, const Reference vr[], size_t n, int value[]) {
@@ -115,7 +129,7 @@ fmi2Status fmi2SetString(fmi2Component component, const fmi2ValueReference vr[],
 /* ---- steps ----------------------------------------------------------------------------------------------------- */
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component component, const fmi2ValueReference vr[], size_t n,
                                        const fmi2Integer order[], const fmi2Real value[]) {
-  CALL(SETTABLE, set_input_derivatives(component, vr, n, order, value));
+  CALL(SETTABLE & ~EVENT, set_input_derivatives(component, vr, n, order, value));
 }
 fmi2Status fmi2GetRealOutputDerivatives(fmi2Component component, const fmi2ValueReference vr[], size_t n,
                                         const fmi2Integer order[], fmi2Real value[]) {
@@ -128,7 +142,8 @@ fmi2Status fmi2DoStep(fmi2Component component, fmi2Real t, fmi2Real h, fmi2Boole
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component component, const fmi2ValueReference unknown[], size_t n_unknown,
                                         const fmi2ValueReference known[], size_t n_known, const fmi2Real dv[],
                                         fmi2Real dz[]) {
-  CALL(INITIALIZATION | SOLVED, directional_derivative(component, unknown, n_unknown, known, n_known, dv, dz));
+  CALL(INITIALIZATION | SOLVED | EXCHANGED,
+       directional_derivative(component, unknown, n_unknown, known, n_known, dv, dz));
 }
 
 static Status never_runs(Instance *c) { FAIL(c, "steps are finished when fmi2DoStep returns"); }
@@ -167,6 +182,52 @@ static Status last_time(Instance *c, fmi2StatusKind kind, fmi2Real *value) {
 }
 fmi2Status fmi2GetRealStatus(fmi2Component component, const fmi2StatusKind kind, fmi2Real *value) {
   CALL(SOLVED | FAILED, last_time(component, kind, value));
+}
+
+/* ---- model exchange -------------------------------------------------------------------------------------------- */
+fmi2Status fmi2EnterEventMode(fmi2Component component) { CALL(EXCHANGED, go(component, EVENT)); }
+fmi2Status fmi2EnterContinuousTimeMode(fmi2Component component) { CALL(EVENT, go(component, CONTINUOUS)); }
+
+static Status tell_discrete_states(Instance *c, fmi2EventInfo *info) {
+  NEEDS_POINTER(info);
+  bool moved = false;
+  const Status status = new_discrete_states(c, &moved);
+  const double next = next_time_event(c);
+  *info = (fmi2EventInfo){.valuesOfContinuousStatesChanged = moved,
+                          .nextEventTimeDefined = isfinite(next),
+                          .nextEventTime = isfinite(next) ? next : 0};
+  return status;
+}
+fmi2Status fmi2NewDiscreteStates(fmi2Component component, fmi2EventInfo *info) {
+  CALL(EVENT, tell_discrete_states(component, info));
+}
+
+static Status step_completed(Instance *c, fmi2Boolean *enter_event_mode, fmi2Boolean *terminate) {
+  NEEDS_POINTER(enter_event_mode);
+  NEEDS_POINTER(terminate);
+  *enter_event_mode = *terminate = fmi2False;
+  return OK;
+}
+fmi2Status fmi2CompletedIntegratorStep(fmi2Component component, fmi2Boolean no_rollback, fmi2Boolean *enter_event_mode,
+                                       fmi2Boolean *terminate) {
+  (void)no_rollback;
+  CALL(CONTINUOUS, step_completed(component, enter_event_mode, terminate));
+}
+fmi2Status fmi2SetTime(fmi2Component component, fmi2Real t) { CALL(EXCHANGED, set_time(component, t)); }
+fmi2Status fmi2SetContinuousStates(fmi2Component component, const fmi2Real x[], size_t n) {
+  CALL(CONTINUOUS, set_continuous_states(component, x, n));
+}
+fmi2Status fmi2GetContinuousStates(fmi2Component component, fmi2Real x[], size_t n) {
+  CALL(INITIALIZATION | EXCHANGED | TERMINATED, get_continuous_states(component, x, n));
+}
+fmi2Status fmi2GetDerivatives(fmi2Component component, fmi2Real der[], size_t n) {
+  CALL(EXCHANGED | TERMINATED, get_derivatives(component, der, n));
+}
+fmi2Status fmi2GetEventIndicators(fmi2Component component, fmi2Real z[], size_t n) {
+  CALL(INITIALIZATION | EXCHANGED | TERMINATED, get_event_indicators(component, z, n));
+}
+fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component component, fmi2Real nominal[], size_t n) {
+  CALL(INSTANTIATED | EXCHANGED | TERMINATED, get_nominals(component, nominal, n));
 }
 
 /* ---- states ---------------------------------------------------------------------------------------------------- */

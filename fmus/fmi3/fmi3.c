@@ -87,9 +87,9 @@ static Status get_floats(Instance *c, const Reference vr[], size_t n, double val
   if (n > 0) NEEDS_POINTER(vr);
   if (n > 0) NEEDS_POINTER(value);
   for (size_t i = 0; i < n; i++)
-    if (vr[i] >= FIRST_DER + N_STATE && vr[i] != FMI3_TIME)
-      FAIL(c, "value reference %u is no Float64 variable; they go from 0 to %d, and %d is time", vr[i],
-           FIRST_DER + N_STATE - 1, FMI3_TIME);
+    if (vr[i] >= N_REAL && vr[i] != FMI3_TIME)
+      FAIL(c, "value reference %u is no Float64 variable; they go from 0 to %d, and %d is time", vr[i], N_REAL - 1,
+           FMI3_TIME);
   const Status status = bring_up_to_date(c);
   for (size_t i = 0; status == OK && i < n; i++) value[i] = vr[i] == FMI3_TIME ? c->unit.time : reals(&c->unit)[vr[i]];
   return status;

@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "orchestrator" / "cobot_joint"
 FILES = sorted(PACKAGE.rglob("*.py"))
-MOST_LINES, MOST_ARGUMENTS, MOST_FILES = 60, 7, 14
+MOST_LINES, MOST_ARGUMENTS, MOST_FILES, LONGEST = 60, 7, 14, 400
 
 # Rooms from the ground up; a file may import from its own room and from those before it. A room is a file or a folder.
 ROOMS = [
@@ -86,6 +86,14 @@ def test_functions_are_short_and_take_few_arguments() -> None:
 def test_folders_hold_few_files(folder: Path) -> None:
     files = [p.name for p in folder.iterdir() if p.is_file() and p.suffix in (".py", ".c", ".h", ".txt", ".jinja")]
     assert len(files) <= MOST_FILES
+
+
+def test_no_source_file_is_longer_than_a_reader_keeps_in_mind() -> None:
+    sources = [p for room in ("orchestrator", "fmus", "tests", "benchmarks", "proof", "docs")
+               for ending in ("py", "c", "h") for p in (ROOT / room).rglob(f"*.{ending}")]  # fmt: skip
+    lengths = {p.relative_to(ROOT).as_posix(): len(p.read_text(encoding="utf-8").splitlines()) for p in sources}
+    assert len(lengths) > 300
+    assert {name: n for name, n in lengths.items() if n > LONGEST} == {}
 
 
 def target(module: str) -> str | None:

@@ -12,7 +12,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.cosim import native, reference
+from cobot_joint.cosim import native
 from cobot_joint.cosim.clock import Clock, make_clock, turns
 from cobot_joint.cosim.energy import mechanical_connections, unmeasured, works
 from cobot_joint.cosim.experiment import Experiment
@@ -20,6 +20,7 @@ from cobot_joint.cosim.foreign.step_choice import PROBE, choose_step
 from cobot_joint.cosim.initialise import initialise
 from cobot_joint.cosim.instances import Instance, SimulationError, check_parameters
 from cobot_joint.cosim.plan import make_plan
+from cobot_joint.cosim.reference.master import Master as ReferenceMaster
 from cobot_joint.cosim.schemes import DEFAULT, WITHOUT_ROLLBACK, Scheme, scheme_of
 from cobot_joint.errors import among
 from cobot_joint.results.result import Result
@@ -35,7 +36,7 @@ log = logging.getLogger("cobot_joint")
 
 
 class Master(Protocol):
-    """What native.Master and reference.Master have in common."""
+    """What native.Master and ReferenceMaster have in common."""
 
     def begin(self) -> None: ...
     def resume(self) -> None: ...
@@ -172,7 +173,7 @@ class Simulation:
         if self.engine == "native":
             master = native.Master(tables, scheme, e.inputs, clock, breaks)
         else:
-            master = reference.Master(tables.plan, scheme, e.inputs, clock, breaks)
+            master = ReferenceMaster(tables.plan, scheme, e.inputs, clock, breaks)
         try:
             yield _Run(master, scheme, clock, tables.plan.names, units, sorted(events, key=lambda event: event[0]))
             self.counters = master.counters()

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.orchestrator.diagnosis.made_up import record
+
 AXIS_XML = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="axis" guid="{axis}">
   <CoSimulation modelIdentifier="axis"/>
@@ -51,3 +53,15 @@ def axis(tmp_path: Path) -> Path:
         archive.writestr("modelDescription.xml", AXIS_XML)
     (tmp_path / "axis.ssd").write_text(AXIS_SSD)
     return tmp_path / "axis.ssd"
+
+
+@pytest.fixture(scope="module")
+def campaign_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("campaign")
+    text = 'title = "Concealed cogging"\nsystem = "joint"\n'
+    runs = [("noload", "no_load", "train"), ("load", "loaded", "train"), ("later", "loaded", "holdout")]
+    for seed, (name, setup, role) in enumerate(runs):
+        record(folder, name, setup, seed)
+        text += f'[[recording]]\nfile = "{name}.parquet"\nsetup = "{setup}"\nrole = "{role}"\n'
+    (folder / "campaign.toml").write_text(text)
+    return folder / "campaign.toml"

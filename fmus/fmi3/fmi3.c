@@ -183,7 +183,10 @@ static void intermediate_update(Watch *watch, double t) {
   go(&c->core, INTERMEDIATE);
   c->intermediate_update(c->environment, t, fmi3True, fmi3True, fmi3True, c->early_return, &end, &end_time);
   c->core.call = call;
-  if (c->core.phase == INTERMEDIATE) go(&c->core, STEPPING);
+  if (c->core.phase == INTERMEDIATE)
+    go(&c->core, STEPPING);
+  else
+    watch->until = t; /* a call in it was refused, and so is the step */
   refresh(m);
   for (int j = 0; j < N_INPUT; j++) m->u[j].fresh = 0;
   if (end && c->early_return) watch->until = fmin(watch->until, fmax(t, end_time));
@@ -198,7 +201,8 @@ static Status take_step(Fmi3Instance *c, double t, double h, fmi3Boolean *event,
                            .until = t + h},
                  .c = c};
   const bool watched = w.watch.step_finished || w.watch.at_events;
-  const Status status = do_step(core, t, h, watched ? &w.watch : NULL);
+  Status status = do_step(core, t, h, watched ? &w.watch : NULL);
+  if (core->phase == FAILED) status = REFUSED;
   if (status == DISCARDED) go(core, STEPPING); /* a master may go on from lastSuccessfulTime */
   *event = w.watch.event_due;
   *terminate = fmi3False; /* a unit never wants a simulation to end */
@@ -242,12 +246,19 @@ fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueRefere
   CALL(FMI3_SOLVED | INTERMEDIATE, get_output_derivatives(instance, vr, n, order, value, n_values));
 }
 
+static Status get_directional_derivative(Instance *c, const Reference unknown[], size_t n_unknown,
+                                         const Reference known[], size_t n_known, const double seed[], size_t n_seed,
+                                         double sensitivity[], size_t n_sensitivity) {
+  if (n_seed != n_known || n_sensitivity != n_unknown)
+    FAIL(c, "%u seeds for %u scalar knowns, %u sensitivities for %u scalar unknowns", (unsigned)n_seed,
+         (unsigned)n_known, (unsigned)n_sensitivity, (unsigned)n_unknown);
+  return directional_derivative(c, unknown, n_unknown, known, n_known, seed, sensitivity);
+}
 fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueReference unknown[], size_t n_unknown,
                                         const fmi3ValueReference known[], size_t n_known, const fmi3Float64 seed[],
                                         size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity) {
-  (void)n_seed, (void)n_sensitivity; /* scalars: as many as knowns and unknowns */
-  CALL(INITIALIZATION | FMI3_SOLVED,
-       directional_derivative(instance, unknown, n_unknown, known, n_known, seed, sensitivity));
+  CALL(INITIALIZATION | FMI3_SOLVED, get_directional_derivative(instance, unknown, n_unknown, known, n_known, seed,
+                                                                n_seed, sensitivity, n_sensitivity));
 }
 
 /* ---- states ---------------------------------------------------------------------------------------------------- */

@@ -174,6 +174,31 @@ def test_within_a_step_a_master_reads_sets_and_ends_it(make: Callable[..., Slave
     assert "fmi3DoStep: currentCommunicationPoint 0.5" in slave.log[-1]
 
 
+def test_a_call_that_is_refused_within_a_step_refuses_the_step(make: Callable[..., Slave]) -> None:
+    def reset(_environment: Any, _t: float, *_said: Any) -> None:
+        with pytest.raises(FMICallException):
+            slave.fmu.reset()
+
+    slave = make("motor_bldc", intermediateUpdate=reset).initialise()
+    with pytest.raises(FMICallException):
+        slave.fmu.doStep(0.0, 0.01)
+    assert slave.log == ["fmi3Reset: not allowed while the unit is within a step"]
+
+
+def test_a_directional_derivative_takes_a_seed_per_known_and_gives_a_sensitivity_per_unknown(
+    make: Callable[..., Slave],
+) -> None:
+    slave = make("motor_bldc").initialise()
+    known, unknown = slave.vr("set_value"), slave.vr("der(w)")
+    assert len(slave.fmu.getDirectionalDerivative(unknown, known, [1.0], 1)) == 1
+    for seed, sensitivities in (([], 1), ([1.0], 0)):
+        with pytest.raises(FMICallException):
+            slave.fmu.getDirectionalDerivative(unknown, known, seed, sensitivities)
+        assert slave.log[-1].startswith("fmi3GetDirectionalDerivative: ")
+        slave.fmu.reset()
+        slave.initialise()
+
+
 def test_choices_are_enumerations(make: Callable[..., Slave]) -> None:
     slave = make("motor_bldc")
     level = slave.variables["motor.level"]

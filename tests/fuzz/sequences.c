@@ -1,8 +1,8 @@
 /* Random sequences of FMI calls on one unit, for the sanitizers: any order, any value, several instances, states kept and swapped.
  *
  * program FIRST COUNT [THREADS]: sequences FIRST .. FIRST + COUNT - 1, each made of its number alone. UNIT_SOURCE is the unit's
- * sources/all.c. A sequence that takes longer than LIMIT ends the program, as what a sanitizer finds does; its number is printed.
- * At the end it prints how many of the steps were taken. */
+ * sources/all.c, of FMI 2.0 or 3.0; calls_fmi2.h and calls_fmi3.h have what differs. A sequence that takes longer than LIMIT ends
+ * the program, as what a sanitizer finds does; its number is printed. At the end it prints how many of the steps were taken. */
 #include UNIT_SOURCE
 
 #include <pthread.h>
@@ -15,10 +15,11 @@ enum { CALLS = 30, INSTANCES = 2, STATES = 3, LIMIT = 20 };
 
 typedef struct {
   uint64_t x;
-  fmi2Component c[INSTANCES];
-  fmi2FMUstate state[STATES];
+  void *c[INSTANCES];
+  void *state[STATES];
   int owner[STATES];
   double time[INSTANCES];
+  int stepping; /* the instance that takes a step: FMI 3.0 calls back */
 } Sequence;
 
 static _Thread_local unsigned long number;
@@ -32,12 +33,6 @@ static void too_long(int unused) {
   fprintf(stderr, "%s: a sequence up to %lu takes more than %d s\n", UNIT_NAME, at, LIMIT);
   _exit(3);
 }
-
-static void logger(fmi2ComponentEnvironment e, fmi2String name, fmi2Status status, fmi2String category,
-                   fmi2String format, ...) {
-  (void)e, (void)name, (void)status, (void)category, (void)format;
-}
-static const fmi2CallbackFunctions CALLBACKS = {logger, calloc, free, NULL, NULL};
 
 static uint64_t draw(Sequence *s) { /* xorshift64*, Vigna 2016 */
   s->x ^= s->x >> 12, s->x ^= s->x << 25, s->x ^= s->x >> 27;
@@ -57,72 +52,55 @@ static double any_step(Sequence *s) {
   return below(s, 4) ? 1e-3 * unit_draw(s) : odd[below(s, sizeof odd / sizeof *odd)];
 }
 
-static fmi2ValueReference any_variable(Sequence *s) { return below(s, 20) ? below(s, N_PUBLIC) : (unsigned)draw(s); }
+static Reference any_of(Sequence *s, unsigned n) { return below(s, 20) ? below(s, n) : (unsigned)draw(s); }
+static void states(Sequence *s, int i);
 
-static void values(Sequence *s, fmi2Component c) {
-  fmi2ValueReference vr[4];
-  fmi2Real x[4];
-  fmi2Integer n[4], order[4];
-  fmi2Boolean b[4];
-  const size_t many = below(s, 5);
-  for (size_t k = 0; k < many; k++) {
-    vr[k] = any_variable(s), x[k] = any_value(s), n[k] = (int)below(s, 7) - 3, order[k] = (int)below(s, 6) - 1;
-    b[k] = (int)below(s, 3);
-  }
-  switch (below(s, 9)) {
-    case 0: fmi2GetReal(c, vr, many, x); break;
-    case 1: fmi2SetReal(c, vr, many, x); break;
-    case 2: fmi2SetInteger(c, vr, many, n); break;
-    case 3: fmi2GetInteger(c, vr, many, n); break;
-    case 4: fmi2SetBoolean(c, vr, many, b); break;
-    case 5: fmi2GetBoolean(c, vr, many, b); break;
-    case 6: fmi2SetRealInputDerivatives(c, vr, many, order, x); break;
-    case 7: fmi2GetRealOutputDerivatives(c, vr, many, order, x); break;
-    default: fmi2GetDirectionalDerivative(c, vr, many / 2, vr + many / 2, many - many / 2, x, x + 2); break;
-  }
-}
+#ifdef fmi3Functions_h
+#include "calls_fmi3.h"
+#else
+#include "calls_fmi2.h"
+#endif
 
-static void bytes_of(Sequence *s, fmi2Component c, int k) {
+static void bytes_of(Sequence *s, void *c, int k) {
   size_t size = 0;
-  if (!s->state[k] || fmi2SerializedFMUstateSize(c, s->state[k], &size) != fmi2OK) return;
-  fmi2Byte *bytes = malloc(size);
-  if (bytes && fmi2SerializeFMUstate(c, s->state[k], bytes, size) == fmi2OK) {
-    for (unsigned damage = below(s, 3); damage; damage--) bytes[below(s, (unsigned)size)] = (fmi2Byte)draw(s);
-    fmi2FMUstate again = NULL;
-    if (fmi2DeSerializeFMUstate(c, bytes, below(s, 8) ? size : below(s, (unsigned)size), &again) == fmi2OK) {
-      fmi2SetFMUstate(c, again);
-      fmi2FreeFMUstate(c, &again);
+  if (!s->state[k] || StateSize(c, s->state[k], &size) != OK) return;
+  Byte *bytes = malloc(size);
+  if (bytes && SerializeState(c, s->state[k], bytes, size) == OK) {
+    for (unsigned damage = below(s, 3); damage; damage--) bytes[below(s, (unsigned)size)] = (Byte)draw(s);
+    void *again = NULL;
+    if (DeserializeState(c, bytes, below(s, 8) ? size : below(s, (unsigned)size), &again) == OK) {
+      SetState(c, again);
+      FreeState(c, &again);
     }
   }
   free(bytes);
 }
 
 static void states(Sequence *s, int i) {
-  fmi2Component c = s->c[i];
+  void *c = s->c[i];
   int k = (int)below(s, STATES);
   if (s->state[k] && s->owner[k] != i) return; /* a state is its instance's: FMI 2.0.4, 2.1.8 */
   s->owner[k] = i;
   switch (below(s, 4)) {
-    case 0: fmi2GetFMUstate(c, &s->state[k]); break;
+    case 0: GetState(c, &s->state[k]); break;
     case 1:
-      if (s->state[k]) fmi2SetFMUstate(c, s->state[k]);
+      if (s->state[k]) SetState(c, s->state[k]);
       break;
     case 2:
-      if (s->state[k]) fmi2FreeFMUstate(c, &s->state[k]);
+      if (s->state[k]) FreeState(c, &s->state[k]);
       break;
     default: bytes_of(s, c, k); break;
   }
 }
 
 static void ready(Sequence *s, int i) {
-  fmi2Reset(s->c[i]), s->time[i] = 0;
-  fmi2SetupExperiment(s->c[i], 0, 0, 0, 0, 0), fmi2EnterInitializationMode(s->c[i]),
-      fmi2ExitInitializationMode(s->c[i]);
+  FMI(Reset)(s->c[i]), s->time[i] = 0;
+  initialise(s->c[i]);
 }
 
 static void one_call(Sequence *s) {
   int i = (int)below(s, INSTANCES);
-  fmi2Component c = s->c[i];
+  void *c = s->c[i];
   const unsigned which = below(s, 24);
   const double h = any_step(s);
   if (which < 8)
@@ -131,21 +109,19 @@ static void one_call(Sequence *s) {
     states(s, i);
   else if (which < 19) {
     const double t = below(s, 10) ? s->time[i] : any_value(s);
-    const fmi2Status status = fmi2DoStep(c, t, h, (int)below(s, 2));
-    asked++, taken += status == fmi2OK;
-    if (status == fmi2OK) s->time[i] += h;
-    if (status == fmi2Error && below(s, 4)) ready(s, i); /* an error stays one: else hardly a step would follow */
+    const int status = step(s, i, t, h);
+    asked++, taken += status == OK;
+    if (status == REFUSED && below(s, 4)) ready(s, i); /* an error stays one: else hardly a step would follow */
   } else if (which == 19) {
     const double start = below(s, 2) ? 0 : any_value(s);
-    if (fmi2SetupExperiment(c, below(s, 2) == 0, fabs(any_value(s)), start, below(s, 2) == 0, any_value(s)) == fmi2OK)
-      s->time[i] = start;
+    if (set_up(s, c, start) == OK) s->time[i] = start;
   } else if (which == 20)
-    fmi2EnterInitializationMode(c);
+    enter_mode(s, c);
   else if (which == 21)
-    fmi2ExitInitializationMode(c);
+    FMI(ExitInitializationMode)(c);
   else if (which == 22)
-    fmi2Terminate(c);
-  else if (fmi2Reset(c) == fmi2OK)
+    FMI(Terminate)(c);
+  else if (FMI(Reset)(c) == OK)
     s->time[i] = 0;
 }
 
@@ -153,14 +129,14 @@ static int sequence(unsigned long n) {
   Sequence s = {.x = 0x9E3779B97F4A7C15ULL * (n + 1)};
   number = n;
   for (int i = 0; i < INSTANCES; i++) {
-    s.c[i] = fmi2Instantiate("fuzzed", fmi2CoSimulation, UNIT_GUID, "file:///nowhere", &CALLBACKS, 0, 0);
+    s.c[i] = instantiate(&s);
     if (!s.c[i]) return 1;
     if (below(&s, 4)) ready(&s, i); /* mostly ready to step: else hardly a sequence gets there */
   }
   for (int k = 0; k < CALLS; k++) one_call(&s);
   for (int k = 0; k < STATES; k++)
-    if (s.state[k]) fmi2FreeFMUstate(s.c[s.owner[k]], &s.state[k]);
-  for (int i = 0; i < INSTANCES; i++) fmi2FreeInstance(s.c[i]);
+    if (s.state[k]) FreeState(s.c[s.owner[k]], &s.state[k]);
+  for (int i = 0; i < INSTANCES; i++) FMI(FreeInstance)(s.c[i]);
   return 0;
 }
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import fmpy
 import pytest
 
-from cobot_joint.units import find_fmu, load_unit
+from cobot_joint.units import find_fmu
 
 HERE = Path(__file__).parent
 UNITS = sorted(table.parent.name for table in (HERE.parents[1] / "fmus").glob("*/model.def"))
@@ -33,18 +33,29 @@ def can(compiler: str, sanitizers: str, folder: Path) -> bool:
 
 
 @pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, str], Path]:
-    """program("motor_bldc", "thread"): the unit and sequences.c in one"""
+def program(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """program("motor_bldc", "thread", "fmi3"): the unit and sequences.c in one"""
     compiler = os.environ.get("CC") or next((c for c in ("gcc", "clang", "cc") if shutil.which(c)), None)
     if compiler is None:
         pytest.skip("no C compiler for the sanitizers")
 
-    def make(unit: str, sanitizers: str) -> Path:
+    def make(unit: str, sanitizers: str, version: str) -> Path:
         folder = tmp_path_factory.mktemp(unit)
         if not can(compiler, sanitizers, folder):
             pytest.skip(f"{compiler} has no -fsanitize={sanitizers} that runs here")
-        source = load_unit(find_fmu(f"{unit}.fmu")).directory / "sources"
-        flags = ["-std=c11", "-D_GNU_SOURCE", "-g", "-O1", "-fno-sanitize-recover=all", f"-fsanitize={sanitizers}"]
+        fmu = find_fmu(f"{unit}.fmu")
+        if version == "fmi3":
+            fmu = fmu.parent / "fmi3" / fmu.name
+        source = Path(fmpy.extract(str(fmu), unzipdir=str(folder))) / "sources"
+        flags = [
+            "-std=c11",
+            "-D_GNU_SOURCE",
+            "-DFMI3_OVERRIDE_FUNCTION_PREFIX",
+            "-g",
+            "-O1",
+            "-fno-sanitize-recover=all",
+            f"-fsanitize={sanitizers}",
+        ]
         include = [f'-DUNIT_SOURCE="{source}/all.c"', "-I", source, "-I", HEADERS]
         command = [compiler, *flags, *include, HERE / "sequences.c", "-o", folder / "fuzz", "-lm", "-lpthread"]
         subprocess.run(command, check=True)
@@ -66,14 +77,21 @@ def said(program: Path, *arguments: int) -> str:
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the sanitizers' programs are for POSIX")
 
 
+each_version = pytest.mark.parametrize("version", ["fmi2", "fmi3"])
+
+
+@each_version
 @pytest.mark.parametrize(
     "unit", [pytest.param(unit, marks=() if unit == "motor_bldc" else pytest.mark.long) for unit in UNITS]
 )
-def test_no_sequence_of_calls_breaks_a_unit(program: Callable[[str, str], Path], unit: str, times: int) -> None:
-    assert said(program(unit, "address,undefined"), 0, SHORT * times) == ""
+def test_no_sequence_of_calls_breaks_a_unit(program: Callable[..., Path], unit: str, version: str, times: int) -> None:
+    assert said(program(unit, "address,undefined", version), 0, SHORT * times) == ""
 
 
 @pytest.mark.long
+@each_version
 @pytest.mark.parametrize("unit", UNITS)
-def test_instances_in_eight_threads_share_nothing(program: Callable[[str, str], Path], unit: str, times: int) -> None:
-    assert said(program(unit, "thread"), 0, SHORT * times, 8) == ""
+def test_instances_in_eight_threads_share_nothing(
+    program: Callable[..., Path], unit: str, version: str, times: int
+) -> None:
+    assert said(program(unit, "thread", version), 0, SHORT * times, 8) == ""

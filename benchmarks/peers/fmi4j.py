@@ -25,7 +25,7 @@ def run(wiring: Wiring, folder: Path) -> Run:
         name: {variable.name: variable.valueReference for variable in fmpy.read_model_description(path).modelVariables}
         for name, path in wiring.units.items()
     }
-    lines = [("unit", name, path) for name, path in wiring.units.items()]
+    lines: list[tuple[object, ...]] = [("unit", name, path) for name, path in wiring.units.items()]
     lines += [
         ("wire", source, references[source][output], sink, references[sink][variable])
         for source, output, sink, variable in wiring.connections

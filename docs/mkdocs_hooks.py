@@ -4,7 +4,6 @@ pages of the units, made from their FMUs, and of the Python interface, made from
 
 from __future__ import annotations
 
-import html
 import re
 import zipfile
 from pathlib import Path
@@ -66,17 +65,16 @@ def equations(block: str) -> str:
 
 
 def unit_page(unit: str) -> str:
-    """The reference page that the unit brings along, with its headings as the site's and its equations typeset."""
+    """The reference page that the unit brings along, with its headings and its picture as the site's."""
     (fmus, *_) = fmu_directories()
     with zipfile.ZipFile(fmus / f"{unit}.fmu") as archive:
         page = archive.read("documentation/index.html").decode()
-    icon = f"![](../../fmus/{unit}/model.png){{ align=right width=128 }}\n"
-    body = page.partition("<body>")[2].partition("</body>")[0].replace('<img src="model.png" alt="">', icon)
-    body = re.sub(r"<p><code>(.*?)</code><br>", lambda e: f"<p>{typeset(html.unescape(e[1]))}<br>", body)
-    body = re.sub(r"<h1>(.*?)</h1>", r"\n# \1\n", body)
-    body = re.sub(r"<h2>(.*?)</h2>", r"\n## \1\n", body)
-    body = re.sub(r'<h3 id="(\w+)">(.*?)</h3>', r"\n### \2 { #\1 }\n", body)
-    return re.sub(r"<table>\n</table>\n", "", body)
+    icon = f"![Icon of {unit}](../../fmus/{unit}/model.png){{ align=right width=128 }}\n"
+    body = page.partition("<main>")[2].partition("</main>")[0]
+    body = re.sub(r'<a class="anchor".*?</a>', "", body)  # the site has its own
+    body = re.sub(r"</?header>|<img [^>]*>", "", body)
+    body = re.sub(r"<h1>(.*?)</h1>", rf"\n# \1\n\n{icon}", body)
+    return re.sub(r'<h([23]) id="([\w-]+)">(.*?)</h\1>', lambda h: f"\n{'#' * int(h[1])} {h[3]} {{ #{h[2]} }}\n", body)
 
 
 def api_page() -> str:

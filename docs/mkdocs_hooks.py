@@ -1,5 +1,6 @@
 """The site has the repository's own paths, so that a link that works in one works in the other; beside them it has
-pages of the units, made from their FMUs, and of the Python interface, made from its docstrings.
+pages of the units, made from their FMUs, of the Python interface, made from its docstrings, and of results, made from
+the answers that are kept.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+from figures import proof, reliability, svg
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
@@ -39,6 +41,9 @@ def on_files(files: Files, config: MkDocsConfig, **_: Any) -> Files:
     for unit in UNITS:
         files.append(File.generated(config, f"docs/units/{unit}.md", content=unit_page(unit)))
     files.append(File.generated(config, "docs/api.md", content=api_page()))
+    files.append(File.generated(config, "docs/figures/proof.md", content=proof.page(ROOT)))
+    files.append(File.generated(config, "docs/figures/reliability.md", content=reliability.page(ROOT)))
+    files.append(File.generated(config, "docs/figures/style.css", content=svg.style()))
     return files
 
 

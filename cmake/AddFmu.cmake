@@ -1,6 +1,6 @@
 # add_fmu(NAME): fmus/NAME/{model.def, equations.c} -> build/fmus/NAME.fmu (FMI 2.0), build/fmus/fmi3/NAME.fmu (FMI 3.0)
 #   table, equations, glue -> GUID
-#   table -> describe (built and run here) -> modelDescription.xml, documentation/index.html
+#   table -> describe (built and run here) -> modelDescription.xml, documentation/index.html (its equations typeset by mathml.py)
 #   table + equations + glue -> one library with the functions of both, in both
 include(${CMAKE_CURRENT_LIST_DIR}/Guid.cmake)
 
@@ -98,6 +98,7 @@ function(pack_fmu name fmi platform file)
     OUTPUT ${file}
     COMMAND describe_${name} xml ${fmi} ${PROJECT_VERSION} > ${fmu}/modelDescription.xml
     COMMAND describe_${name} html ${fmi} ${PROJECT_VERSION} > ${fmu}/documentation/index.html
+    COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/orchestrator/cobot_joint/mathml.py ${fmu}/documentation/index.html
     COMMAND ${CMAKE_COMMAND} -E copy_if_different ${core} ${fmu}/sources/core
     COMMAND ${CMAKE_COMMAND} -E copy_if_different ${adapter} ${fmu}/sources/fmi${fmi}
     COMMAND ${CMAKE_COMMAND} -E copy_if_different ${FRICTION} ${fmu}/sources/friction
@@ -107,7 +108,7 @@ function(pack_fmu name fmi platform file)
     COMMAND ${CMAKE_COMMAND} -E copy_if_different $<TARGET_FILE:${name}> ${fmu}/binaries/${platform}
     COMMAND ${Python3_EXECUTABLE} ${CMAKE_SOURCE_DIR}/orchestrator/cobot_joint/pack.py ${fmu} ${file}
     DEPENDS ${name} describe_${name} ${physics} ${GLUE} ${FRICTION} ${source}/model.png ${CMAKE_SOURCE_DIR}/orchestrator/cobot_joint/pack.py
-            ${fmu}/sources/all.c ${fmu}/sources/buildDescription.xml
+            ${CMAKE_SOURCE_DIR}/orchestrator/cobot_joint/mathml.py ${fmu}/sources/all.c ${fmu}/sources/buildDescription.xml
     COMMAND_EXPAND_LISTS VERBATIM
     COMMENT "${name}.fmu, FMI ${fmi}.0")
 endfunction()

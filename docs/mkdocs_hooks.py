@@ -1,15 +1,16 @@
 """The site has the repository's own paths, so that a link that works in one works in the other; beside them it has
-pages of the units, made from their FMUs, and of the Python interface, made from its docstrings.
+pages of the units, made from their FMUs, of the Python interface, made from its docstrings, and of results, made from
+the answers that are kept.
 """
 
 from __future__ import annotations
 
-import html
 import re
 import zipfile
 from pathlib import Path
 from typing import Any
 
+from figures import proof, reliability, svg
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
@@ -40,6 +41,9 @@ def on_files(files: Files, config: MkDocsConfig, **_: Any) -> Files:
     for unit in UNITS:
         files.append(File.generated(config, f"docs/units/{unit}.md", content=unit_page(unit)))
     files.append(File.generated(config, "docs/api.md", content=api_page()))
+    files.append(File.generated(config, "docs/figures/proof.md", content=proof.page(ROOT)))
+    files.append(File.generated(config, "docs/figures/reliability.md", content=reliability.page(ROOT)))
+    files.append(File.generated(config, "docs/figures/style.css", content=svg.style()))
     return files
 
 
@@ -66,17 +70,16 @@ def equations(block: str) -> str:
 
 
 def unit_page(unit: str) -> str:
-    """The reference page that the unit brings along, with its headings as the site's and its equations typeset."""
+    """The reference page that the unit brings along, with its headings and its picture as the site's."""
     (fmus, *_) = fmu_directories()
     with zipfile.ZipFile(fmus / f"{unit}.fmu") as archive:
         page = archive.read("documentation/index.html").decode()
-    icon = f"![](../../fmus/{unit}/model.png){{ align=right width=128 }}\n"
-    body = page.partition("<body>")[2].partition("</body>")[0].replace('<img src="model.png" alt="">', icon)
-    body = re.sub(r"<p><code>(.*?)</code><br>", lambda e: f"<p>{typeset(html.unescape(e[1]))}<br>", body)
-    body = re.sub(r"<h1>(.*?)</h1>", r"\n# \1\n", body)
-    body = re.sub(r"<h2>(.*?)</h2>", r"\n## \1\n", body)
-    body = re.sub(r'<h3 id="(\w+)">(.*?)</h3>', r"\n### \2 { #\1 }\n", body)
-    return re.sub(r"<table>\n</table>\n", "", body)
+    icon = f"![Icon of {unit}](../../fmus/{unit}/model.png){{ align=right width=128 }}\n"
+    body = page.partition("<main>")[2].partition("</main>")[0]
+    body = re.sub(r'<a class="anchor".*?</a>', "", body)  # the site has its own
+    body = re.sub(r"</?header>|<img [^>]*>", "", body)
+    body = re.sub(r"<h1>(.*?)</h1>", rf"\n# \1\n\n{icon}", body)
+    return re.sub(r'<h([23]) id="([\w-]+)">(.*?)</h\1>', lambda h: f"\n{'#' * int(h[1])} {h[3]} {{ #{h[2]} }}\n", body)
 
 
 def api_page() -> str:

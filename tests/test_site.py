@@ -6,7 +6,12 @@ import importlib.util
 import re
 import subprocess
 import sys
+import threading
+from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote
 
 import pytest
@@ -14,8 +19,10 @@ from lxml import etree, html
 
 import cobot_joint
 from cobot_joint.units import find_fmu, load_unit
+from tests.browser import VIEWS, fits, found_by_axe
 
 ROOT = Path(__file__).parents[1]
+FIGURES = ("docs/figures/proof", "docs/figures/reliability")
 UNITS = sorted(table.parent.name for table in ROOT.glob("fmus/*/model.def"))
 
 
@@ -77,3 +84,41 @@ def test_the_python_interface_has_a_page_with_every_public_name(site: Path) -> N
         i.rpartition(".")[2] for i in ids if i
     }
     assert "a shipped one by name" in page.find(".//main").text_content()
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_a_page_of_figures_leads_to_places_that_are_there(site: Path, name: str) -> None:
+    page = html.parse(site / name / "index.html", html.HTMLParser(encoding="utf-8"))
+    ids = [found.get("id") for found in page.iterfind(".//*[@id]")]
+    inside = {link.get("href")[1:] for link in page.iterfind(".//main//a[@href]") if link.get("href").startswith("#")}
+    assert len(set(ids)) == len(ids)
+    assert inside <= set(ids)
+
+
+@pytest.fixture(scope="module")
+def served(site: Path) -> Iterator[str]:
+    """The site's address."""
+
+    class Quiet(SimpleHTTPRequestHandler):
+        def log_message(self, *_: Any) -> None:
+            pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(site)))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+
+
+@pytest.mark.parametrize(("size", "scheme"), VIEWS)
+@pytest.mark.parametrize("name", [*FIGURES, "docs/units/motor_bldc"])
+def test_a_page_fits_a_phone_and_axe_finds_nothing_in_what_the_hook_wrote(
+    chromium: Any, served: str, name: str, size: dict[str, int], scheme: str
+) -> None:
+    page = chromium.new_context(viewport=size, color_scheme=scheme).new_page()
+    page.goto(f"{served}/{name}/")
+    page.evaluate("for (const part of document.querySelectorAll('details')) part.open = true")
+    page.wait_for_timeout(500)
+    # all but the theme's own frame around it
+    page.evaluate("document.body.replaceChildren(document.querySelector('main'))")
+    assert found_by_axe(page) == []
+    assert fits(page)

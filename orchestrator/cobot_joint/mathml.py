@@ -2,12 +2,16 @@
 
 Mathematics is written as in C, with `^` for powers, `+-` and `-+` for both signs, and `dx/dt` or `dx` for rates. The
 rest stays words.
+
+The build runs it as a script over a unit's reference page, `mathml.py PAGE`, so that it imports nothing of the package.
 """
 
 from __future__ import annotations
 
 import html
 import re
+import sys
+from pathlib import Path
 
 GREEK = {
     "alpha": "α", "delta": "δ", "eta": "η", "mu": "μ", "omega": "ω", "phi": "φ", "pi": "π", "rho": "ρ", "sigma": "σ",
@@ -26,6 +30,8 @@ NO_SYMBOLS = frozenset({"and", "at", "by", "for", "from", "if", "in", "is", "of"
 RATE = re.compile(rf"d([A-Za-z]|{'|'.join(GREEK)})(?=_|$)")
 DEEPEST = 50  # brackets in brackets; what a foreign unit writes may be anything
 LONGEST = 2000
+EQUATION = re.compile(r'<p class="equation"><code>(.*?)</code>')
+WIDE = 60  # letters of an equation that may not fit on a phone; then it is scrolled, by keyboard too
 Node = tuple  # (kind or operator, what it holds...)
 
 
@@ -45,6 +51,17 @@ def typeset(text: str) -> str:
         n = reader.at if mathematics else n + 1
         end = tokens[n - 1].end()
     return "".join([*parts, html.escape(text[end:], quote=False)])
+
+
+def typeset_page(page: str) -> str:
+    """HTML of a reference page with its equations typeset, each on a line of its own."""
+
+    def lines(equation: re.Match[str]) -> str:
+        parts = [part.strip() for part in html.unescape(equation[1]).split(";")]
+        focus = ' tabindex="0"' if max(map(len, parts)) > WIDE else ""
+        return f'<p class="equation"{focus}>' + "<br>\n".join(typeset(part) for part in parts)
+
+    return EQUATION.sub(lines, page)
 
 
 def _is_symbol(name: str) -> bool:
@@ -182,3 +199,8 @@ def _name(name: str) -> str:
     if not below:
         return symbol
     return f"<msub>{symbol}<mtext>{','.join(GREEK.get(part, part) for part in below)}</mtext></msub>"
+
+
+if __name__ == "__main__":
+    given = Path(sys.argv[1])
+    given.write_bytes(typeset_page(given.read_bytes().decode("utf-8")).encode("utf-8"))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import posixpath
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,6 +12,7 @@ import numpy as np
 import pytest
 from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
+from lxml import html
 
 from cobot_joint.units import Unit, find_fmu, load_unit
 
@@ -92,6 +95,37 @@ def test_archive_holds_page_icon_and_sources(load: Load, name: str) -> None:
     page = (directory / "documentation/index.html").read_text(encoding="utf-8")
     for term in load(name).terms:
         assert f'id="{term.name}"' in page
+
+
+def test_the_page_stands_alone_and_shows_the_icon_that_is_in_the_archive(load: Load, name: str) -> None:
+    """in FMI 2.0 and 3.0, which keep it in different places"""
+    two = load(name).path
+    for fmu in (two, two.parent / "fmi3" / two.name):
+        with zipfile.ZipFile(fmu) as archive:
+            page = html.fromstring(archive.read("documentation/index.html"))
+            files = archive.namelist()
+        loaded = [e.get("src") or e.get("href") for e in page.iter("img", "script", "link")]
+        assert [posixpath.normpath(f"documentation/{link}") in files for link in loaded] == [True]
+
+
+def test_the_pages_contents_lead_to_every_section_and_term(load: Load, name: str) -> None:
+    page = html.parse(load(name).directory / "documentation/index.html")
+    ids = [found.get("id") for found in page.iterfind(".//*[@id]")]
+    assert [link.get("href") for link in page.iterfind(".//nav//a")] == [f"#{heading}" for heading in ids]
+    assert {term.name for term in load(name).terms} <= set(ids)
+    assert len(set(ids)) == len(ids)
+
+
+def test_the_page_names_every_variable_once_with_its_unit(load: Load, name: str) -> None:
+    page = html.parse(load(name).directory / "documentation/index.html")
+    cells = [[cell.text_content() for cell in row.iterfind("td")] for row in page.iterfind(".//tbody/tr")]
+    shown = {first: second for first, second, _ in cells}
+    assert len(shown) == len(cells)
+    reals = {v.name: v.unit for v in load(name).variables.values() if v.type == "Real" and v.name in shown}
+    assert {
+        variable for variable, unit in reals.items() if unit and unit != "1" and unit not in shown[variable]
+    } == set()
+    assert {v.name for v in load(name).variables.values() if v.causality in ("input", "parameter")} <= set(shown)
 
 
 def test_no_type_has_a_variables_name(load: Load, name: str) -> None:

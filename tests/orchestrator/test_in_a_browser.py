@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import os
-import shutil
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
@@ -18,10 +17,6 @@ from numpy.typing import NDArray
 from PIL import Image
 
 pytest.importorskip("dash", reason="the extra [live] is not installed")
-pytest.importorskip("axe_playwright_python", reason="the extra [dev] is not installed")
-
-from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import sync_playwright
 
 from cobot_joint.diagnosis.report.headline import TermText
 from cobot_joint.diagnosis.report.report import write_report
@@ -31,13 +26,12 @@ from cobot_joint.live.results_page import ResultsPage
 from cobot_joint.live.server import Server
 from cobot_joint.live.what_if import WhatIf
 from cobot_joint.system import load_system
+from tests.browser import PHONE, VIEWS, WIDE, fits, found_by_axe
 from tests.orchestrator.diagnosis.report.test_report import FINDING, UNLISTED, data
 from tests.orchestrator.live.test_live import results  # noqa: F401, a fixture
 
 pytestmark = pytest.mark.long
 
-WIDE, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
-VIEWS = [(WIDE, "light"), (WIDE, "dark"), (PHONE, "light"), (PHONE, "dark")]
 KEPT = Path(__file__).parent / "diagnosis" / "report" / "screens"  # renewed with COBOT_JOINT_KEEP_SCREENS=1
 SCREENS = {
     "wide": (WIDE, "screen"),
@@ -47,15 +41,6 @@ SCREENS = {
 }
 CELL, VISIBLE, LIKE = 10, 40, 0.02  # px; grey levels of 255; share of cells: another font's letters stay below
 STRIBECK = TermText("Stribeck friction", "tau = tau_S*exp(-(w/w_S)^2)*sgn(w, w_C)", "Dahl 1968; Karnopp 1985")
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    if found is None:
-        pytest.skip("Chromium is not installed")
-    with sync_playwright() as driver:
-        yield driver.chromium.launch(executable_path=found, args=["--no-sandbox"])
 
 
 @pytest.fixture(scope="module")
@@ -95,15 +80,6 @@ def opened(chromium: Any, address: str, size: dict[str, int] = WIDE, scheme: str
     page.goto(address)
     page.wait_for_selector(".plot svg, .js-plotly-plot svg")
     return page, complaints
-
-
-def found_by_axe(page: Any) -> list[str]:
-    violations = Axe().run(page).response["violations"]
-    return [f"{v['id']}: {node['html'][:200]}" for v in violations for node in v["nodes"]]
-
-
-def fits(page: Any) -> bool:
-    return page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
 
 
 def cells(picture: bytes) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
-from cobot_joint.mathml import typeset
+from cobot_joint.mathml import typeset, typeset_page
 
 FMUS = Path(__file__).parents[2] / "fmus"
 TABLES = sorted([*FMUS.glob("*/model.def"), FMUS / "friction/friction.def"])
@@ -83,3 +83,14 @@ def test_what_a_foreign_unit_writes_is_shown_whatever_it_is(text: str) -> None:
 
 def test_every_unit_has_equations_to_typeset() -> None:
     assert {name.partition(".")[0] for name, _ in EQUATIONS} == {table.parent.name for table in TABLES}
+
+
+def test_a_page_has_its_equations_typeset_each_on_its_own_line_and_nothing_else_changed() -> None:
+    before = '<h3>a</h3>\n<p class="equation"><code>a &lt; b; by 2 at most</code></p>\n<p><code>c = d</code></p>'
+    typed = f"{typeset('a < b')}<br>\nby {typeset('2')} at most"
+    assert typeset_page(before) == f'<h3>a</h3>\n<p class="equation">{typed}</p>\n<p><code>c = d</code></p>'
+
+
+def test_an_equation_that_may_be_wider_than_a_phone_is_reached_by_the_keyboard() -> None:
+    long = " + ".join(30 * ["a"])
+    assert 'tabindex="0"' in typeset_page(f'<p class="equation"><code>{long}</code></p>')

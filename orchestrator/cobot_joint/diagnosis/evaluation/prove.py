@@ -79,19 +79,26 @@ def prove(
             results.append(result)
             if done:
                 done(result)
-    score = None
-    if answers is not None:
-        rules = field_score if field_score.of_field(answers) else case_score
-        score = rules.scoreboard({case: answers[case] for case in cases if case in answers}, out)
+    score = scored(folder, out)
+    if score is not None:
         score["baseline"] = baseline
-        score["seconds_median"] = _seconds(cases, out)
+        score["seconds_median"] = seconds_median(cases, out)
         text = json.dumps(plain(score), indent=1) + "\n"
         write_atomically(out / "scoreboard.json", lambda file: file.write_text(text))
     broken = broken_seals(answers, seals) if answers is not None and seals is not None else None
     return Proof(sorted(results, key=lambda r: r.case), broken, score)
 
 
-def _seconds(cases: list[str], out: Path) -> float | None:
+def scored(folder: Path, out: Path) -> dict[str, Any] | None:
+    """The scoreboard of what OUT/<case>/ answers, by the rules of its kind of campaign; None: no truths are there."""
+    answers = _published(folder / "answers.json")
+    if answers is None:
+        return None
+    rules = field_score if field_score.of_field(answers) else case_score
+    return rules.scoreboard({case: answers[case] for case in cases_of(folder) if case in answers}, out)
+
+
+def seconds_median(cases: list[str], out: Path) -> float | None:
     """Median of what the diagnoses took; None where none says it."""
     answers = [read_object(out / case / "diagnosis.json")[0] for case in cases]
     seconds = [answer["seconds"] for answer in answers if answer and answer.get("seconds")]

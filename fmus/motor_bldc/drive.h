@@ -1,4 +1,7 @@
 /* The drive: from set value and measurements to the voltage between the active terminals. */
+#ifndef COBOT_JOINT_DRIVE_H
+#define COBOT_JOINT_DRIVE_H
+
 #include "core/unit.h"
 #include "motor_bldc/constants.h"
 #include "motor_bldc/open_bridge.h"
@@ -15,9 +18,20 @@ static inline double speed_limit(const Unit *m, double accelerating) {
   return clamp((1.02 * m->drive_w_max - fabs(m->w)) / (0.02 * m->drive_w_max), 0, 1);
 }
 
-static inline double drive(Unit *m, double i, double e, double R) {
+static inline double voltage_limit(const Unit *m, double v_dc) {
+  return m->drive_v_max > 0 && m->drive_v_max < v_dc ? m->drive_v_max : v_dc;
+}
+
+/* PI of one current; no wind-up: what the limit takes away is taken back from the integral q, within L/R */
+static inline double current_loop(const Unit *m, double error, double q, double e, double v_max, double *der_q) {
+  const double v = m->drive_w_c * (m->winding_L * error + m->winding_R * q) + m->drive_decoupling * e;
+  const double limited_v = clamp(v, -v_max, v_max);
+  *der_q = error - (v - limited_v) / (m->drive_w_c * m->winding_L);
+  return limited_v;
+}
+
+static inline double drive(Unit *m, double i, double e, double R, double v_max) {
   const bool limited = m->drive_i_peak > 0;
-  const double v_bus = bus_voltage(m), v_max = m->drive_v_max > 0 && m->drive_v_max < v_bus ? m->drive_v_max : v_bus;
   double v;
   m->der_q_i = 0;
   m->der_q_t = limited && (m->q_t > 0 || fabs(i) > m->drive_i_cont) ? square(i) - square(m->drive_i_cont) : 0;
@@ -36,10 +50,7 @@ static inline double drive(Unit *m, double i, double e, double R) {
   if (m->bias_i_0 != 0) i_ref += m->bias_i_0 * (m->bias_from == 1 ? sgn(m->w, m->bias_w_0) : sgn(i_ref, m->bias_i_s));
   i_ref *= speed_limit(m, i_ref);
   if (limited) i_ref = clamp(i_ref, -current_limit(m), current_limit(m));
-  const double error = i_ref - i;
-  v = m->drive_w_c * (m->winding_L * error + m->winding_R * m->q_i) + m->drive_decoupling * e;
-  const double limited_v = clamp(v, -v_max, v_max);
-  /* no wind-up: what the limit takes away is taken back from the integral, within L/R */
-  m->der_q_i = error - (v - limited_v) / (m->drive_w_c * m->winding_L);
-  return limited_v;
+  return current_loop(m, i_ref - i, m->q_i, e, v_max, &m->der_q_i);
 }
+
+#endif

@@ -3,18 +3,21 @@
  *   L di/dt             = v - R i - k w                    thesis eq. 2.5
  *   (J + J_coupled) dw/dt = k i - tau_f - tau              thesis eq. 2.2
  *
- * constants.h has what k depends on, losses.h what bridge, supply and iron take.
+ * constants.h has what k depends on, losses.h what bridge, supply and iron take, foc.h the same in rotor coordinates.
  */
 #define UNIT_EVENTS
 #define UNIT_OBSERVED
 #define UNIT_SAMPLED
 #include "core/unit.h"
 
-enum { AVERAGED = 1, SIMSCAPE, COMPREHENSIVE };
+enum { AVERAGED = 1, SIMSCAPE, COMPREHENSIVE, FOC };
+/* the others have one current that gives the torque, x_i, and one voltage that drives it */
+static inline bool six_step(const Unit *m) { return m->motor_level == SIMSCAPE || m->motor_level == COMPREHENSIVE; }
 
 #include "friction/friction.h"
 #include "motor_bldc/constants.h"
 #include "motor_bldc/drive.h"
+#include "motor_bldc/foc.h"
 #include "motor_bldc/losses.h"
 #include "motor_bldc/three_phase.h"
 
@@ -23,6 +26,7 @@ static const int HALL[6] = {1, 3, 2, 6, 4, 5}; /* H1 + 2*H2 + 4*H3 per sector, T
 static void unit_start(Unit *m) {
   if (m->time == m->start_time) m->sector[0] = sector_of(electrical_angle(m));
   m->lossy[0] = any_loss(m);
+  m->der_x_i = m->der_x_ia = m->der_x_ib = m->der_x_d = m->der_q_d = m->v_d = 0; /* and stay 0 at other levels */
   start_sliding(m, m->w);
 }
 
@@ -41,19 +45,22 @@ static inline void temperatures(Unit *m, double winding, double iron) {
 }
 
 static void unit_equations(Unit *m) {
-  const bool averaged = m->motor_level == AVERAGED, lossy = m->lossy[0];
+  const bool phases = six_step(m), foc = m->motor_level == FOC, lossy = m->lossy[0];
 
   /* winding: R(T_w), eq. 3.1; the line is not one to absolute zero */
   const double T_w = m->winding_heating_T_a + m->rise + m->rise_h;
   const double R = m->winding_R * positive(1 + m->winding_heating_alpha * (T_w - 298.15));
 
-  const int n = averaged ? 0 : modulo6(m->sector[0]);
+  const int n = phases ? modulo6(m->sector[0]) : 0;
   const double i3[3] = {m->x_ia, m->x_ib, -m->x_ia - m->x_ib};
-  const double i = averaged ? m->x_i : sum_of_magnitudes(i3) * (i3[HIGH[n]] - i3[LOW[n]] >= 0 ? 1 : -1);
+  const double i = phases ? sum_of_magnitudes(i3) * (i3[HIGH[n]] - i3[LOW[n]] >= 0 ? 1 : -1) : m->x_i;
   const double k = torque_constant(m, i), e = emf_constant(m, i, i * m->w < 0) * m->w;
 
   /* drive and inverter */
-  double v = drive(m, i, e, m->winding_R);
+  m->v_dc = bus_voltage(m);
+  double v_max = voltage_limit(m, m->v_dc), e_q = e;
+  if (foc) d_axis(m, i, R, &v_max, &e_q);
+  double v = drive(m, i, e_q, m->winding_R, v_max);
   const double v_drive = v;
   if (m->enable) {
     if (lossy) v -= bridge_drop(m, v_drive, i);
@@ -63,17 +70,20 @@ static void unit_equations(Unit *m) {
   }
 
   /* L di/dt = v - R i - k w, eq. 2.5; or three phases, eq. 2.9 to 2.16 */
-  double tau_e, power = 0; /* from the supply, where somebody asks */
-  if (averaged) {
-    m->der_x_i = (v - R * i - e) / m->winding_L;
-    m->der_x_ia = m->der_x_ib = 0;
+  double tau_e, power = 0, i_square = square(i); /* power from the supply, where somebody asks */
+  if (!phases) {
+    m->der_x_i = (v - R * i - e_q) / m->winding_L;
     tau_e = k * i;
     if (lossy) power = v * i + (m->enable ? 0 : 2 * m->diode_drop_V_d * fabs(i));
+    if (foc) {
+      power += (m->v_d + d_drop(m)) * m->x_d;
+      i_square += square(m->x_d);
+      sinusoids(m, i, e);
+    }
   } else {
     const Phases p = three_phases(m, v, R, i3);
     m->der_x_ia = p.der[0];
     m->der_x_ib = p.der[1];
-    m->der_x_i = 0;
     tau_e = 0;
     power = p.power;
     for (int x = 0; x < 3; x++) tau_e += k / 2 * p.shape[x] * i3[x];
@@ -90,7 +100,7 @@ static void unit_equations(Unit *m) {
   tau_f += cogging(m) + tau_Fe;
   m->der_w = held_by_friction(m) ? 0 : (tau_e - tau_f - m->tau + m->tau_add) / (m->rotor_J + m->J_coupled);
   m->der_phi = m->w;
-  temperatures(m, R * (square(i) + (lossy && m->enable ? ripple_square(m, v_drive) : 0)), tau_Fe * m->w);
+  temperatures(m, R * (i_square + (lossy && m->enable ? ripple_square(m, v_drive) : 0)), tau_Fe * m->w);
   m->der_surge = lossy ? surge_rate(m, power + (m->enable ? (v_drive - v) * i : 0)) : 0;
 
   const bool averages = m->drive_T_i > 0;
@@ -99,9 +109,8 @@ static void unit_equations(Unit *m) {
   m->i_reading = averages ? m->x_r : i;
   m->tau_e = tau_e;
   m->v = v;
-  m->v_dc = bus_voltage(m);
   m->T_w = T_w;
-  if (!averaged) {
+  if (phases) {
     m->i_a = i3[0];
     m->i_b = i3[1];
     m->i_c = i3[2];
@@ -113,7 +122,7 @@ static double encoder_counts(const Unit *m) { return floor(4 * m->encoder_lines 
 
 /* what only an observer needs: phase quantities of the DC equivalent, Hall code, encoder */
 static void unit_observe(Unit *m) {
-  const int n = m->motor_level == AVERAGED ? modulo6(sector_of(electrical_angle(m))) : modulo6(m->sector[0]);
+  const int n = modulo6(six_step(m) ? m->sector[0] : sector_of(electrical_angle(m)));
   if (m->motor_level == AVERAGED) {
     double i3[3] = {0}, shape[3];
     i3[HIGH[n]] = m->x_i;
@@ -151,17 +160,17 @@ static void unit_sample(Unit *m) {
 }
 
 static void phase_currents(const Unit *m, double i[3]) {
-  const bool averaged = m->motor_level == AVERAGED;
-  i[0] = averaged ? m->x_i : m->x_ia;
-  i[1] = averaged ? 0 : m->x_ib;
-  i[2] = averaged ? 0 : -m->x_ia - m->x_ib;
+  const bool phases = six_step(m);
+  i[0] = phases ? m->x_ia : m->x_i;
+  i[1] = phases ? m->x_ib : 0;
+  i[2] = phases ? -m->x_ia - m->x_ib : 0;
 }
 
 static void open_bridge_indicators(const Unit *m, double z[N_EVENT]) {
   int leg, side, high, low;
   double i[3];
   phase_currents(m, i);
-  if (m->motor_level == AVERAGED) {
+  if (!six_step(m)) {
     z[EVENT_leg_opens] = ending(m, i, 1, &leg);
     if (m->leg[0] == 0) z[EVENT_leg_conducts] = fabs(emf_constant(m, 0, false) * m->w) - 2 * diode_voltage(m);
     return;
@@ -190,7 +199,7 @@ static void unit_indicators(const Unit *m, double z[N_EVENT]) {
   }
   stick_indicators(m, m->w, on_the_shaft(m), z);
   if (m->off[0]) open_bridge_indicators(m, z);
-  if (m->motor_level == AVERAGED) return;
+  if (!six_step(m)) return;
   z[EVENT_forward] = electrical_angle(m) - sector_start(m->sector[0] + 1);
   z[EVENT_backward] = sector_start(m->sector[0]) - electrical_angle(m);
   if (m->off[0]) return;
@@ -227,17 +236,17 @@ static void switch_bridge(Unit *m) {
   phase_currents(m, i);
   m->off[0] = !m->enable;
   for (int x = 0; x < 3; x++) m->leg[x] = m->off[0] ? leg_of(i[x]) : 0;
-  m->q_i = 0;
-  if (!m->off[0] && m->motor_level != AVERAGED) open_floating_phase(m);
+  m->q_i = m->q_d = m->x_d = 0;
+  if (!m->off[0] && six_step(m)) open_floating_phase(m);
 }
 
 static void open_leg(Unit *m) {
   int x = 0;
   double i[3];
   phase_currents(m, i);
-  ending(m, i, m->motor_level == AVERAGED ? 1 : 3, &x);
+  ending(m, i, six_step(m) ? 3 : 1, &x);
   m->leg[x] = 0;
-  if (m->motor_level == AVERAGED) {
+  if (!six_step(m)) {
     m->x_i = 0;
     return;
   }
@@ -247,7 +256,7 @@ static void open_leg(Unit *m) {
 }
 
 static void turn_on_diode(Unit *m) {
-  if (m->motor_level == AVERAGED) {
+  if (!six_step(m)) {
     m->leg[0] = m->w > 0 ? 1 : -1;
     return;
   }

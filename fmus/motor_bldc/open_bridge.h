@@ -14,7 +14,7 @@ static inline int leg(const Unit *m, int x, double i) { return m->off[0] ? m->le
 
 /* terminal voltage; without current it is the back-EMF */
 static inline double open_bridge_voltage(const Unit *m, double i, double e) {
-  const int s = m->motor_level == AVERAGED ? leg(m, 0, i) : leg_of(i);
+  const int s = six_step(m) ? leg_of(i) : leg(m, 0, i);
   return s != 0 ? s * 2 * diode_voltage(m) : e;
 }
 

@@ -63,6 +63,17 @@ def test_jacobian_of_the_gearhead_by_states_and_parameters_meets_its_closed_form
         assert gear.fmu.getDirectionalDerivative(row, gear.vr(name), [1.0])[0] == pytest.approx(value, rel=1e-6), name
 
 
+def test_voltage_of_the_supply_rises_with_its_capacitors(make: Make) -> None:
+    motor = initializing(make, "motor_bldc", {"bus.C": 1e-3, "surge": 2.0})
+    given = motor.fmu.getDirectionalDerivative(motor.vr("v_dc"), motor.vr("surge"), [1.0])[0]
+    ends = []
+    for surge in (1.99, 2.01):
+        motor.set({"surge": surge})
+        ends.append(motor["v_dc"])
+    assert given == pytest.approx((ends[1] - ends[0]) / 0.02, rel=1e-6)
+    assert given == pytest.approx(1.0, rel=1e-6)
+
+
 @pytest.mark.parametrize(("twist", "sign"), [(B / 2 + 1e-3, 1), (-B / 2 - 1e-3, -1), (0.0, 0)])
 def test_a_unit_that_is_initializing_knows_its_contact(make: Make, twist: float, sign: int) -> None:
     gear = initializing(make, "planetary_gear", {"phi": N * twist})

@@ -51,9 +51,10 @@ def motor(p: Point) -> list[float]:
     w, J = p["w"], p["rotor.J"] + p["J_coupled"]
     cogging = p["cogging.A"] * np.sin(p["cogging.n"] * p["phi"] + p["cogging.phi_0"]) * w
     mechanical = [(p["tau_add"] - p["tau"]) * w, -J * w * p.rates["w"], -cogging, -bristles(p)]
-    if p["motor.level"] == 1:
-        i = p["x_i"]
-        return [p["v"] * i, -p["winding.L"] * i * p.rates["x_i"], *mechanical]
+    if p["motor.level"] in (1, 4):  # with foc there is a d axis beside that of the torque
+        i, i_d, L = p["x_i"], p["x_d"], p["winding.L"]
+        magnetic = [-L * i * p.rates["x_i"], -L * i_d * p.rates["x_d"]]
+        return [p["v"] * i, p["v_d"] * i_d, *magnetic, *mechanical]
     electrical = sum(p[f"e_{x}"] * p[f"i_{x}"] for x in "abc")  # what the back-EMF takes, the rotor has to get
     return [electrical, *mechanical]
 

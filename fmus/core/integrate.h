@@ -67,12 +67,17 @@ static inline void evaluate(Unit *m, double t) {
   equations(m);
 }
 
-/* every output, as someone who reads it wants it; the integrator does without what only they want */
-static inline void evaluate_outputs(Unit *m, double t) {
-  evaluate(m, t);
+/* outputs that only a reader wants; the integrator does without */
+static inline void observe(Unit *m) {
+  (void)m;
 #if defined UNIT_OBSERVED
   unit_observe(m);
 #endif
+}
+
+static inline void evaluate_outputs(Unit *m, double t) {
+  evaluate(m, t);
+  observe(m);
 }
 
 #if defined UNIT_EVENTS
@@ -178,9 +183,7 @@ static inline void end_of_step(Unit *m, bool early) {
 #if defined UNIT_SAMPLED
   if (!early) unit_sample(m);
 #endif
-#if defined UNIT_OBSERVED
-  unit_observe(m);
-#endif
+  observe(m);
 }
 
 /* What a master wants of the inside of a step: FMI 3.0's intermediate update and early return. */

@@ -186,6 +186,7 @@ static Status directional_derivative(Instance *c, const Reference unknown[], siz
     for (size_t j = 0; j < n_known; j++) reals(&near)[known[j]] += side * eps * dv[j];
     if (parameters) unit_start(&near);
     equations(&near);
+    observe(&near);
     for (size_t i = 0; i < n_unknown; i++)
       dz[i] = eps == 0 ? 0 : side < 0 ? reals(&near)[unknown[i]] : (reals(&near)[unknown[i]] - dz[i]) / (2 * eps);
   }

@@ -80,3 +80,26 @@ def test_a_unit_that_is_initializing_knows_its_contact(make: Make, twist: float,
     assert gear["tau_g"] == pytest.approx(sign * C * 1e-3, abs=1e-9)
     gear.set({"phi": -N * twist})  # and when it is moved to the other side
     assert gear["tau_g"] == pytest.approx(-sign * C * 1e-3, abs=1e-9)
+
+
+def test_jacobian_of_every_output_is_that_of_what_is_read(make: Make, name: str) -> None:
+    """by every state and input, as a central difference of values that are set and read"""
+    slave = initializing(make, name, {})
+    variables = slave.unit.variables
+    states = [n for n, v in variables.items() if v.initial == "exact" and v.causality in ("local", "output")]
+    values = {n: 0.3 * float(variables[n].nominal) for n in (*states, *slave.inputs()) if n != "J_coupled"}
+    slave.set(values)
+    outputs, wrong = slave.outputs(), {}
+    for known, value in values.items():
+        step = 1e-5 * float(variables[known].nominal)
+        given = np.array(slave.fmu.getDirectionalDerivative(slave.vr(*outputs), slave.vr(known), [1.0]))
+        ends = []
+        for side in (-1, 1):
+            slave.set({known: value + side * step})
+            ends.append(slave.reals(outputs))
+        slave.set({known: value})
+        read = (ends[1] - ends[0]) / (2 * step)
+        sizes = np.array([float(variables[n].nominal) for n in outputs]) / float(variables[known].nominal)
+        off = np.abs(given - read) > 1e-3 * np.maximum(sizes, np.abs(read))
+        wrong |= {(known, n): (a, b) for n, a, b, bad in zip(outputs, given, read, off, strict=True) if bad}
+    assert wrong == {}

@@ -178,6 +178,13 @@ def test_commutation_and_freewheeling_are_state_events(make: Make, exchange: Cal
     agree(signals, 1e-5)
 
 
+def test_field_oriented_control_is_smooth(make: Make, exchange: Callable[..., Exchanged]) -> None:
+    start, inputs = {**ON, "motor.level": 4, "w": 300.0}, {"set_value": swinging(5.0, 2.0, 300.0)}
+    unit, signals = both(make, exchange, "motor_bldc", start, inputs, 0.02, ["w", "i", "i_a", "e_a", "W"])
+    assert unit.happened == 0
+    agree(signals, 1e-4)
+
+
 def test_a_gear_that_rattles_in_its_backlash_meets_every_contact(
     make: Make, exchange: Callable[..., Exchanged]
 ) -> None:

@@ -14,7 +14,7 @@ from pathlib import Path
 import fmpy
 import pytest
 
-from cobot_joint.units import find_fmu
+from cobot_joint.units import find_fmu, load_unit
 
 HERE = Path(__file__).parent
 UNITS = sorted(table.parent.name for table in (HERE.parents[1] / "fmus").glob("*/model.def"))
@@ -34,7 +34,7 @@ def can(compiler: str, sanitizers: str, folder: Path) -> bool:
 
 @pytest.fixture(scope="module")
 def program(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
-    """program("motor_bldc", "thread", "fmi3"): the unit and sequences.c in one"""
+    """program("motor_bldc", "thread", "fmi3"): the unit and sequences.c in one; "exchange": FMI 2.0 model exchange"""
     compiler = os.environ.get("CC") or next((c for c in ("gcc", "clang", "cc") if shutil.which(c)), None)
     if compiler is None:
         pytest.skip("no C compiler for the sanitizers")
@@ -46,16 +46,12 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
         fmu = find_fmu(f"{unit}.fmu")
         if version == "fmi3":
             fmu = fmu.parent / "fmi3" / fmu.name
+        if version == "exchange" and load_unit(fmu).description.modelExchange is None:
+            pytest.skip(f"{unit} offers no model exchange")
         source = Path(fmpy.extract(str(fmu), unzipdir=str(folder))) / "sources"
-        flags = [
-            "-std=c11",
-            "-D_GNU_SOURCE",
-            "-DFMI3_OVERRIDE_FUNCTION_PREFIX",
-            "-g",
-            "-O1",
-            "-fno-sanitize-recover=all",
-            f"-fsanitize={sanitizers}",
-        ]
+        defined = ["_GNU_SOURCE", "FMI3_OVERRIDE_FUNCTION_PREFIX", *(["EXCHANGE"] if version == "exchange" else [])]
+        flags = ["-std=c11", "-g", "-O1", "-fno-sanitize-recover=all", f"-fsanitize={sanitizers}"]
+        flags += [f"-D{name}" for name in defined]
         include = [f'-DUNIT_SOURCE="{source}/all.c"', "-I", source, "-I", HEADERS]
         command = [compiler, *flags, *include, HERE / "sequences.c", "-o", folder / "fuzz", "-lm", "-lpthread"]
         subprocess.run(command, check=True)
@@ -77,7 +73,7 @@ def said(program: Path, *arguments: int) -> str:
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the sanitizers' programs are for POSIX")
 
 
-each_version = pytest.mark.parametrize("version", ["fmi2", "fmi3"])
+each_version = pytest.mark.parametrize("version", ["fmi2", "exchange", "fmi3"])
 
 
 @each_version

@@ -106,6 +106,14 @@ class Unit:
         return v.unit or (v.declaredType.unit if v.declaredType else None)
 
     @cached_property
+    def states(self) -> Mapping[str, str]:
+        """State -> the variable that is its derivative, as far as the unit lists them (FMI 2.0.4, 2.2.8), without the
+        work through flanges: nothing depends on it."""
+        work = {name for flange in self.flanges for name in (flange.W, flange.W_abs)}
+        listed = [unknown.variable for unknown in self.description.derivatives or []]
+        return {v.derivative.name: v.name for v in listed if v.derivative.name not in work}
+
+    @cached_property
     def needs(self) -> Mapping[str, list[str]]:
         """Output -> inputs that it depends on; through the states of a unit that has some, on all of them.
 

@@ -182,3 +182,11 @@ def test_file_that_is_no_fmu_is_refused(content: bytes | dict[str, str], words: 
         load_unit(path)
     assert words in str(refused.value)
     assert str(path) in str(refused.value)
+
+
+def test_work_through_a_flange_is_listed_for_integrators_and_no_state_of_the_motion() -> None:
+    spring = load_unit(find_fmu("series_elastic.fmu"))
+    listed = [unknown.variable.derivative.name for unknown in spring.description.derivatives]
+    assert listed == [w for flange in spring.flanges for w in (flange.W, flange.W_abs)]
+    assert spring.states == {}
+    assert load_unit(find_fmu("planetary_gear.fmu")).states == {"phi_o": "der(phi_o)", "w_o": "der(w_o)", "z": "der(z)"}

@@ -262,7 +262,7 @@ def _climbs(instance: Instance) -> bool:
 def _is_static(instance: Instance) -> bool:
     """Outputs follow inputs through nothing that has a state: they need the inputs at a step's end, not its middle."""
     feeds_through = any(output.dependencies for output in instance.description.outputs)
-    return feeds_through and not instance.description.derivatives
+    return feeds_through and not instance.component.unit.states
 
 
 def _judged(units: tuple[PlannedUnit, ...], n_outputs: int, scheme: Scheme) -> tuple[bool, ...]:

@@ -178,7 +178,7 @@ def _select(
     only = campaign.terms
     scan = Scan(problem, driven(problem, calibrated, _terms(problem, only)), say)
     beside = Selector(problem, scan, say)
-    if not only and (load := look_for_unlogged_load(problem, calibrated, beside.select, say, beside.promised)):
+    if not only and (load := look_for_unlogged_load(problem, calibrated, beside.select, say, beside.predicted_share)):
         nothing = Selection([calibrated], indistinguishable=dict(scan.indistinguishable))
         return Explanation(calibrated, load.fit, nothing, load.selected, load)
     listed = Selector(problem, scan, say, store, budget).select(calibrated, _basis(campaign))
@@ -214,7 +214,7 @@ def _beyond_the_list(
 ) -> Explanation:
     """What listed terms leave: to a formula that leaves nothing, to the recorded motion, to a formula, or to nothing.
 
-    Beside a background a formula has to promise as much as listed terms take, and most of it.
+    Beside a background a formula has to be predicted to take as much as listed terms take, and most of it.
     """
     calibrated = listed.history[0]
     left, before = problem.excess(listed.fit.residual), problem.excess(calibrated.residual)
@@ -341,14 +341,14 @@ def _finding(
 ) -> Finding:
     on = {a.name: a for a in explanation.fit.hypothesis.terms}
     active = on[selected.term]
-    leaders = explanation.selection.indistinguishable  # term -> the one that it equals
-    twins = [t for t, leader in leaders.items() if leader == selected.term]
-    twins += [leaders[selected.term]] if selected.term in leaders else []
+    equal = explanation.selection.indistinguishable  # term -> the one that it equals
+    indistinguishable = [t for t, other in equal.items() if other == selected.term]
+    indistinguishable += [equal[selected.term]] if selected.term in equal else []
     alike = sorted(selected.alike, key=selected.alike.__getitem__)
-    both = [active, *(on[t] for t in twins if t in on)]
+    both = [active, *(on[t] for t in indistinguishable if t in on)]
     return Finding(
         term=selected.term,
-        equivalent=tuple(dict.fromkeys([*twins, *alike]))[: thresholds.MOST_NAMES - 1],
+        equivalent=tuple(dict.fromkeys([*indistinguishable, *alike]))[: thresholds.MOST_NAMES - 1],
         confidence=_sure(problem, explanation, selected, left),
         onset=active.onset,
         parameters={name: repaired[name] for a in both for name in a.values if name in repaired},

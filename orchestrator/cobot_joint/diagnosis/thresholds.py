@@ -34,7 +34,9 @@ MOST_NAMES = 4  # that one finding may carry: the scorers' rule, ../shared/score
 
 # -- which fits are tried (they decide what is looked at)
 PROMISING_SHAPE = 0.03  # of the best gain, that a term needs for other shapes to be tried: true ones had 0.39 [count]
-RIVAL = 0.3  # of the best predicted gain, for a load of all above noise, to be fitted: true ones had 0.39 [count]
+WORTH_FITTING = (
+    0.3  # of the best predicted gain, for a load of all above noise, to be fitted: true ones had 0.39 [count]
+)
 ABREAST = 0.9  # of it, from which on twice as many are: their order says little [naming]
 CLOSE = 0.98  # of a predicted gain that was kept, from which on another is tried all the same [naming]
 HOPELESS = 0.6  # of what another takes, that a candidate falls short of for its onset to be left rough [naming]

@@ -66,5 +66,5 @@ class LiveBench:
 
     def _add(self, time: float, values: Mapping[str, float]) -> None:
         self._time.append(time)
-        for name, course in self._inputs.items():
-            course.append(float(values.get(name, course[-1])))
+        for name, history in self._inputs.items():
+            history.append(float(values.get(name, history[-1])))

@@ -29,7 +29,7 @@ WIDER = 2.0  # tolerances, that a parameter's slider reaches to
 @dataclass(frozen=True)
 class Slider:
     """One value that can be moved. kind: a term's parameter, a base parameter, the amplitude of a rival that is off, or
-    the share of an effect that is a whole course or form; `name`: `component.variable`, of a share that of the finding.
+    the share of an effect that is a load history or a form; `name`: `component.variable`, of a share the finding's.
     beside: values that are set with it.
     """
 
@@ -110,8 +110,8 @@ class WhatIf:
         time, added = recording.time - recording.time[0], {}
         for term, history in self._loads.items():
             if recording.name in history["recordings"]:
-                course = history["recordings"][recording.name]
-                added[history["port"]] = moved.get(term, 1.0) * np.interp(time, course["t"], course["value"])
+                series = history["recordings"][recording.name]
+                added[history["port"]] = moved.get(term, 1.0) * np.interp(time, series["t"], series["value"])
         return self._plant.simulate(there, recording, onsets=late, added=added)
 
     def valued(self, moved: Mapping[str, float]) -> dict[str, float]:

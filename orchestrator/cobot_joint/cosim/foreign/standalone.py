@@ -51,7 +51,7 @@ def _given(unit: Unit, names: list[str]) -> list[str]:
 
 def _declared(unit: Unit) -> Iterator[Finding]:
     """What a unit says of itself that coupling, energy rows and diagnosis use."""
-    states = len(unit.description.derivatives or [])
+    states = len(unit.states)
     can = unit.description.coSimulation
     jacobian = "" if can.providesDirectionalDerivative else "no directional derivatives: "
     yield _has(

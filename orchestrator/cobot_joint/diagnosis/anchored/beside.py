@@ -117,7 +117,7 @@ class Beside:
     def candidate(self, term: TermCandidate) -> Candidate | None:
         """The term with the shapes that do best; None: no recording answers to it."""
         every = list(combinations(term))
-        some = self._promising(term, every) if term.phase is not None and len(every) > MANY else every
+        some = self._shortlist(term, every) if term.phase is not None and len(every) > MANY else every
         return self.best(term, some, len(every), lambda shapes: self.evidence.of_term(term, shapes))
 
     def best(
@@ -172,7 +172,7 @@ class Beside:
         return Effect([p * m[1:, None, None] for p, m in zip(effect.psi, on, strict=True)],
                       [d * m[:, None, None] for d, m in zip(effect.direct, on, strict=True)])  # fmt: skip
 
-    def _promising(self, term: TermCandidate, every: Sequence[Mapping[str, float]]) -> Sequence[Mapping[str, float]]:
+    def _shortlist(self, term: TermCandidate, every: Sequence[Mapping[str, float]]) -> Sequence[Mapping[str, float]]:
         """Those that do best on a stretch of each recording."""
         if self._scan is None:
             self._scan = Evidence([_stretch(t) for t in self.trackings], self.evidence.tolerances)

@@ -26,12 +26,13 @@ Progress = Callable[[str], None]
 SETTLE, RESETTLE = 5, 3  # corrections of the free parameters at most, from nominal; after a term was added
 FLAT = 1e3  # of a value: 1 sigma that a term's own parameter may be off
 FARTHEST = 0.5  # of a value, that a term's own parameter moves at once
-LEADERS = 4  # candidates whose onsets are looked at
+FIRST = 4  # candidates whose onsets are looked at
 TRIED = 5  # of those best ranked
 POINTED = 20  # of those that a later look is confined to: what is far behind now stays there
-# of the logarithm of the odds: by the decimal logarithm of the evidence in nats, by the rival's share of it; even odds
-# at 25: by hand, above the false findings of some twenty drawn machines; to be fitted to a count (background_count.py)
-INTERCEPT, COEFFICIENT, RIVAL = -3.75, 2.7, -1.0
+# of the logarithm of the odds: by the decimal logarithm of the evidence in nats, by the next best term's share of it;
+# even odds at 25: by hand, above the false findings of some twenty drawn machines; to be fitted to a count
+# (background_count.py)
+INTERCEPT, COEFFICIENT, NEXT_BEST = -3.75, 2.7, -1.0
 MOST = 0.97
 PROBED = 0.3  # of the noise, that a run is moved by where a term's answer is taken from runs
 
@@ -40,13 +41,13 @@ PROBED = 0.3  # of the noise, that a run is moved by where a term's answer is ta
 class Named:
     """A term that is on.
 
-    rival: evidence of the best term that could not be called alike. blocks: log likelihood that it adds to quarters of
-    the recordings that it was not fitted to; in_all: to all of them, followed again with it.
+    next_best: evidence of the best term that could not be called alike. blocks: log likelihood that it adds to quarters
+    of the recordings that it was not fitted to; in_all: to all of them, followed again with it.
     """
 
     candidate: Candidate
     alike: tuple[str, ...]
-    rival: float
+    next_best: float
     blocks: tuple[float, ...]
     where: dict[str, object]
     in_all: float = 0.0
@@ -69,8 +70,8 @@ class Named:
 
 def confidence(named: Named) -> float:
     """0..1, by the evidence, and by how near the best of the others came."""
-    share = max(named.rival, 0.0) / max(named.evidence, 1.0)
-    score = INTERCEPT + COEFFICIENT * math.log10(max(named.evidence, 1.0)) + RIVAL * share
+    share = max(named.next_best, 0.0) / max(named.evidence, 1.0)
+    score = INTERCEPT + COEFFICIENT * math.log10(max(named.evidence, 1.0)) + NEXT_BEST * share
     return round(min(1 / (1 + math.exp(-score)), MOST), 3)
 
 
@@ -198,29 +199,27 @@ class Searcher:
             if candidate is not None:
                 ranked.append(candidate)
         ranked.sort(key=lambda c: -c.evidence)
-        leaders = [
-            c if c.term.name in self.bounds else at.with_onset(c, thresholds.LATER / 2) for c in ranked[:LEADERS]
-        ]
-        ranked = sorted([*leaders, *ranked[LEADERS:]], key=lambda c: -c.evidence)
+        first = [c if c.term.name in self.bounds else at.with_onset(c, thresholds.LATER / 2) for c in ranked[:FIRST]]
+        ranked = sorted([*first, *ranked[FIRST:]], key=lambda c: -c.evidence)
         self._pointed = self._pointed or {c.term.name for c in ranked[:POINTED]}
         found.ranking.append([(c.term.name, c.evidence) for c in ranked[:10]])
         taken = max((named.evidence for named in found.named), default=0.0)
         least = max(thresholds.ANCHORED_EVIDENCE, thresholds.ANCHORED_LATER * taken)
-        promising: list[Named] = []
+        likely: list[Named] = []
         for n, best in enumerate(ranked[:TRIED]):
             patch = best.term.name in self.bounds and best.evidence < taken  # of what a term's form leaves
-            if best.evidence < least or patch or any(best.term.name in p.alike for p in promising):
+            if best.evidence < least or patch or any(best.term.name in p.alike for p in likely):
                 continue
             predicted = at.predicted(best)
             if best.term.name in self.bounds or trimmed_sum(predicted) > 0:
-                promising.append(self._named(at, best, ranked[n + 1 :], predicted))
-        return promising
+                likely.append(self._named(at, best, ranked[n + 1 :], predicted))
+        return likely
 
     def _named(self, at: Beside, best: Candidate, others: Sequence[Candidate], predicted: NDArray[np.float64]) -> Named:
         close = best.evidence - max(thresholds.ANCHORED_ALIKE, thresholds.ANCHORED_ALIKE_SHARE * best.evidence)
         alike = [c.term.name for c in others if c.evidence > close]
-        rival = max((c.evidence for c in others if c.evidence <= close), default=0.0)
-        return Named(best, tuple(alike), rival, tuple(map(float, predicted)), _where(at, predicted))
+        next_best = max((c.evidence for c in others if c.evidence <= close), default=0.0)
+        return Named(best, tuple(alike), next_best, tuple(map(float, predicted)), _where(at, predicted))
 
     def _by_runs(self, found: Search, at: Beside, term: TermCandidate) -> Candidate | None:
         """A term with a memory answers to nothing while it is off: what it does to a run, in proportion."""

@@ -99,9 +99,9 @@ class Scan:
         ]
         for column in self._run(fit, rest):
             by_term.setdefault(column.term.name, []).append(column)
-        for name, leader in self.indistinguishable.items():
-            if name in by_term and leader in by_term:
-                by_term[name] = _in_proportion(by_term[name][0], by_term[leader])
+        for name, simulated in self.indistinguishable.items():
+            if name in by_term and simulated in by_term:
+                by_term[name] = _in_proportion(by_term[name][0], by_term[simulated])
         return [c for columns in by_term.values() for c in columns]
 
     def setting_in(self, fit: Fit, onset: float, skip: Collection[str] = ()) -> list[Column]:
@@ -121,16 +121,16 @@ class Scan:
         families: dict[str, list[TermCandidate]] = {}
         for term in terms:
             families.setdefault(term.name.split(".")[1], []).append(term)
-        for leader, *others in families.values():
+        for simulated, *others in families.values():
             for term in others:
-                columns = [first[name][0] for name in (term.name, leader.name) if name in first]
-                if _same_shapes(term, leader) and len(columns) == 2 and _cosine(*columns) > thresholds.COLLINEAR:
-                    self.indistinguishable[term.name] = leader.name
+                columns = [first[name][0] for name in (term.name, simulated.name) if name in first]
+                if _same_shapes(term, simulated) and len(columns) == 2 and _cosine(*columns) > thresholds.COLLINEAR:
+                    self.indistinguishable[term.name] = simulated.name
 
     def alike(self, name: str) -> set[str]:
         """A term and those of other units that respond alike."""
-        leader = self.indistinguishable.get(name, name)
-        return {leader, *(t for t, other in self.indistinguishable.items() if other == leader)}
+        simulated = self.indistinguishable.get(name, name)
+        return {simulated, *(t for t, other in self.indistinguishable.items() if other == simulated)}
 
     def _run(
         self, fit: Fit, wanted: Sequence[tuple[TermCandidate, Mapping[str, float]]], onset: float | None = None
@@ -374,11 +374,13 @@ def _renamed(shape: Mapping[str, float], old: TermCandidate, new: TermCandidate)
     return {names[name]: value for name, value in shape.items()}
 
 
-def _in_proportion(own: Column, leaders: Sequence[Column]) -> list[Column]:
+def _in_proportion(own: Column, simulated: Sequence[Column]) -> list[Column]:
     """Columns of a term that responds like another: that one's, in the proportion of one that was simulated."""
-    a, b = own.vectors[0], leaders[0].vectors[0]
+    a, b = own.vectors[0], simulated[0].vectors[0]
     ratio = float(a @ b / (b @ b))
-    return [Column(own.term, _renamed(c.shape, c.term, own.term), tuple(ratio * v for v in c.vectors)) for c in leaders]
+    return [
+        Column(own.term, _renamed(c.shape, c.term, own.term), tuple(ratio * v for v in c.vectors)) for c in simulated
+    ]
 
 
 def _cosine(a: Column, b: Column) -> float:

@@ -74,8 +74,9 @@ def counted(draws: Draws, k: int) -> Row:
 
 
 def judge(drawn: Drawn, found: Diagnosis, background: float) -> Row:
-    """What was concealed, what was said, and which of it is true, terms of one name being twins. background: root of
-    the chi-square that a re-fit leaves of it."""
+    """What was concealed, what was said, and which of it is true, terms of one name being indistinguishable.
+
+    background: root of the chi-square that a re-fit leaves of it."""
     names = [c.active.term.name.split(".")[1] for c in drawn.effects]
     said = [{t.split(".")[1] for t in (f.term, *f.equivalent)} for f in found.findings]
     return {

@@ -85,7 +85,7 @@ def diagnosed(draws: Draws, ks: Sequence[int]) -> list[Row]:
 
 
 def judge(drawn: Drawn, diagnosis: Diagnosis) -> Row:
-    """What was concealed, what was said, and which of it is true: as score.py does, terms of one name being twins."""
+    """What was concealed, what was said, and which of it is true: terms of one name are one answer (score.py)."""
     names = [c.active.term.name.split(".")[1] for c in drawn.effects]
     places = [c.active.term.component for c in drawn.effects]
     said = [{f.term.split(".")[1], *(t.split(".")[1] for t in f.equivalent)} for f in diagnosis.findings]

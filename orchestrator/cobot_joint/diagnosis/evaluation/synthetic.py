@@ -35,7 +35,7 @@ class Concealed:
     size: float  # root of the chi-square that a linear re-fit leaves of it
 
     def to_json(self) -> dict[str, Any]:
-        """As `effects` of an answers.json, without the twins."""
+        """As `effects` of an answers.json, without the terms that are indistinguishable."""
         return {
             "name": self.active.term.name,
             "onset_s": self.active.onset or 0.0,

@@ -18,7 +18,7 @@ from cobot_joint.diagnosis.experiments.excitation import DURATION, experiments
 from cobot_joint.diagnosis.findings import Advice, Finding
 from cobot_joint.diagnosis.plant.plant import TermCandidate
 
-SHAPES = 4  # of a rival that are tried: its best one counts
+SHAPES = 4  # of an alternative that are tried: its best one counts
 RESOLUTION = 1e-3  # noise of a channel that is not there yet, over its range, as the bench's own channels have it
 
 
@@ -34,20 +34,20 @@ def _apart(problem: Problem, finding: Finding, fit: Fit) -> Iterator[Advice]:
     if len(shared) > 1:
         yield Advice(shared, uncouple=shared[0].split(".")[0])
     active = next((a for a in fit.hypothesis.terms if a.name == finding.term), None)
-    rivals = [t for t in problem.plant.terms if t.name in finding.equivalent and t.name.split(".")[1] != name]
-    if active is None or not rivals:
+    alternatives = [t for t in problem.plant.terms if t.name in finding.equivalent and t.name.split(".")[1] != name]
+    if active is None or not alternatives:
         return
     bench = Bench(problem, fit, active)
-    for rival in rivals:
-        yield _advice(bench, rival)
+    for alternative in alternatives:
+        yield _advice(bench, alternative)
 
 
-def _advice(bench: Bench, rival: TermCandidate) -> Advice:
+def _advice(bench: Bench, alternative: TermCandidate) -> Advice:
     """The best experiment with the logged channels; where none separates, with one channel more."""
-    found = [(chi2, name, channel) for name, s in bench.separations(rival).items() for channel, chi2 in s.items()]
+    found = [(chi2, name, channel) for name, s in bench.separations(alternative).items() for channel, chi2 in s.items()]
     logged = max((each for each in found if not each[2]), key=lambda each: each[0])
     chi2, name, channel = logged if logged[0] >= thresholds.SEPARATES else max(found, key=lambda each: each[0])
-    return Advice((bench.active.name, rival.name), None, name, channel or None, DURATION, chi2)
+    return Advice((bench.active.name, alternative.name), None, name, channel or None, DURATION, chi2)
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,11 @@ class Bench:
         self.effect = self._differences(run, 1.0)
         self.base = [self._differences(moved, self.problem.step) for moved in self._moved(self.without)]
 
-    def separations(self, rival: TermCandidate) -> dict[str, dict[str, float]]:
-        """Experiment -> additional channel ("": none) -> chi-square that the rival, re-fitted, leaves of the term."""
-        shapes = [[self._differences(r, step) for r, step in runs] for runs in self._rivals(self.without, rival)]
+    def separations(self, alternative: TermCandidate) -> dict[str, dict[str, float]]:
+        """Experiment -> additional channel ("": none) -> chi-square that the re-fitted alternative leaves of it."""
+        shapes = [
+            [self._differences(r, step) for r, step in runs] for runs in self._alternatives(self.without, alternative)
+        ]
         found: dict[str, dict[str, float]] = {}
         for n, recording in enumerate(self.problem.recordings):
             for channel in ("", *self.effect[n].more):
@@ -99,7 +101,7 @@ class Bench:
             value = run.values[f.parameter.name] + self.problem.step * (f.upper - f.lower) / 2
             yield replace(run, values={**run.values, f.parameter.name: value})
 
-    def _rivals(self, run: Run, term: TermCandidate) -> Iterator[list[tuple[Run, float]]]:
+    def _alternatives(self, run: Run, term: TermCandidate) -> Iterator[list[tuple[Run, float]]]:
         """Per shape: the term switched on a little, twice if it has a phase."""
         size = 0.01 * min(term.upper - term.neutral, 1.0)
         shapes = list(product(*(s.values for s in term.shapes)))
@@ -129,9 +131,9 @@ def _rows(rows: Rows, channel: str) -> Vector:
     return np.concatenate([rows.logged, rows.more[channel]]) if channel else rows.logged
 
 
-def _left(effect: Vector, base: Sequence[Vector], rival: Sequence[Vector]) -> float:
-    """Chi-square of the effect that neither the base parameters, inside their tolerances, nor the rival can mimic."""
-    J = np.column_stack([*base, *rival])
-    weight = np.array([PRIOR] * len(base) + [0.0] * len(rival))
+def _left(effect: Vector, base: Sequence[Vector], alternative: Sequence[Vector]) -> float:
+    """Chi-square of the effect that neither base parameters inside their tolerances nor the alternative can mimic."""
+    J = np.column_stack([*base, *alternative])
+    weight = np.array([PRIOR] * len(base) + [0.0] * len(alternative))
     gradient = J.T @ effect
     return max(float(effect @ effect - gradient @ solve(J.T @ J + np.diag(weight), gradient)), 0.0)

@@ -55,11 +55,11 @@ def ranked(response: Response, alternative: Alternative, base: Fit) -> list[Cand
         return rank(fast, base, fast.plant.terms)
 
 
-def roughly(response: Response, alternative: Alternative, base: Fit, leaders: Sequence[Candidate]) -> dict[str, Fit]:
-    """The leaders, each fitted with everything else to the frequencies that cost little."""
+def roughly(response: Response, alternative: Alternative, base: Fit, candidates: Sequence[Candidate]) -> dict[str, Fit]:
+    """The candidates, each fitted with everything else to the frequencies that cost little."""
     found = {}
     with problems(response, alternative) as (_, fast):
-        for candidate in leaders:
+        for candidate in candidates:
             term = next(t for t in fast.plant.terms if t.name == candidate.term)
             begin = start(fast, base, term)
             rough = fit(fast, base.hypothesis.with_effects(begin), precision=ROUGH) if begin else None

@@ -23,7 +23,7 @@ from cobot_joint.diagnosis.selection.confidence import confidence
 from cobot_joint.diagnosis.store import Store
 
 BAND = 0.8  # of what a finding takes, that its band holds
-FITTED = 2  # leaders of the score that are fitted
+FITTED = 2  # candidates of the best score that are fitted
 Progress = Callable[[str], None]
 
 
@@ -44,7 +44,7 @@ def diagnose_response(
 ) -> tuple[Diagnosis, list[Reading]]:
     """The best reading's diagnosis, and every reading.
 
-    Terms are ranked under the reading that the base model fits best; the leaders are fitted under all of them.
+    Terms are ranked under the reading that the base model fits best; the candidates are fitted under all of them.
     """
     with one_blas_thread():
         return _diagnosed(response, store, progress or (lambda words: None))
@@ -61,13 +61,13 @@ def _diagnosed(response: Response, store: Store, say: Progress) -> tuple[Diagnos
     )
     only = response.given.terms
     worth = [c for c in ranking if c.gain > 2 * np.log(len(ranking)) and (not only or c.term in only)]
-    leaders = worth[:FITTED]  # of a shaft's twins, the one that the campaign allows
-    terms = [candidate.term for candidate in leaders]
+    candidates = worth[:FITTED]  # of a shaft's indistinguishable terms, the one that the campaign allows
+    terms = [candidate.term for candidate in candidates]
     rough = []
     for alternative, (_, base) in zip(given, bases, strict=True):
         say(f"fitting {' and '.join(terms)}: {alternative.name}")
         key = (alternative.model_dump(), terms)
-        rough.append(store.remember("rough", key, partial(roughly, response, alternative, base, leaders)))
+        rough.append(store.remember("rough", key, partial(roughly, response, alternative, base, candidates)))
     least = min((found.chi2 for fits in rough for found in fits.values()), default=0.0)
     readings = []
     for alternative, (nominal, base), begun in zip(given, bases, rough, strict=True):

@@ -31,9 +31,9 @@ def above_noise(channels: Channels, role: str) -> dict[str, float] | None:
 
 def judged(channels: Channels) -> Literal["offered", "withheld"]:
     """Whether the repair predicts no worse than nominal and calibrated, and fits no worse than calibrated."""
-    for role, rivals in (("holdout", ("nominal", "calibrated")), ("train", ("calibrated",))):
+    for role, others in (("holdout", ("nominal", "calibrated")), ("train", ("calibrated",))):
         error = above_noise(channels, role)
-        if error and error["repaired"] > thresholds.NO_WORSE * min(error[v] for v in rivals) + thresholds.NEGLIGIBLE:
+        if error and error["repaired"] > thresholds.NO_WORSE * min(error[v] for v in others) + thresholds.NEGLIGIBLE:
             return "withheld"
     return "offered"
 

@@ -48,7 +48,7 @@ class Competition:
         """
         above = max(best.chi2 - self.problem.samples, 0.0)
         top = max((s.gain for s in ranked), default=0.0)
-        worth = [s for s in ranked if s.gain > max(least, thresholds.RIVAL * top)][: 2 * FITTED]
+        worth = [s for s in ranked if s.gain > max(least, thresholds.WORTH_FITTING * top)][: 2 * FITTED]
         first = not best.hypothesis.effects
         fits: dict[str, Fit] = {}
         enough = -np.inf  # predicted gain from which on a candidate is tried

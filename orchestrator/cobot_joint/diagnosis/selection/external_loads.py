@@ -57,13 +57,17 @@ def look_for_external_loads(problem: Problem, listed: Selection, select: Select,
 
 
 def look_for_unlogged_load(
-    problem: Problem, calibrated: Fit, select: Select, say: Say, promised: Callable[[Fit], float] = lambda fit: 1.0
+    problem: Problem,
+    calibrated: Fit,
+    select: Select,
+    say: Say,
+    predicted_share: Callable[[Fit], float] = lambda fit: 1.0,
 ) -> Unmodelled | None:
     """Loads at an input that nobody logged, where these and listed terms beside them explain all there is.
 
     Asked before any term is selected: a hand that comes and goes as it likes leaves terms nothing but patches.
-    promised: share of what a fit leaves above noise that the best listed term promises to take. Where that is not half,
-    loads need not explain all: what is left beside them may be a background.
+    predicted_share: of what a fit leaves above noise, that the best listed term is predicted to take. Where that is not
+    half, loads need not explain all: what is left beside them may be a background.
     """
     above, spans = calibrated.chi2 - problem.samples, short_times(problem, calibrated.residual)
     if not spans or not problem.unexplained(calibrated.residual):
@@ -77,7 +81,7 @@ def look_for_unlogged_load(
         answer = _answer(problem, calibrated, best, selected, proposal.port)
         if not problem.unexplained(best.residual):
             return answer
-        if answer.taken > thresholds.LOADS_TAKE and promised(calibrated) < thresholds.HOLDS:
+        if answer.taken > thresholds.LOADS_TAKE and predicted_share(calibrated) < thresholds.HOLDS:
             return answer
     return None
 
@@ -140,7 +144,7 @@ def _best(problem: Problem, start: Fit, spans: Spans, say: Say) -> tuple[Fit, Po
     above = start.chi2 - problem.samples
     best: tuple[Fit, Port] | None = None
     for proposal in sorted(proposed, key=weight, reverse=True)[:FITTED]:
-        if weight(proposal) < thresholds.RIVAL * above or (best and not problem.unexplained(best[0].residual)):
+        if weight(proposal) < thresholds.WORTH_FITTING * above or (best and not problem.unexplained(best[0].residual)):
             break
         fit = fitted(problem, start, proposal.effects)
         if fit is not None:

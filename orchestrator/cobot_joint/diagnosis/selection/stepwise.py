@@ -141,10 +141,10 @@ class Selector:
             return False
         return True
 
-    def _added(self, so_far: Selection, winner: Fit, rivals: dict[str, Fit]) -> Selection:
+    def _added(self, so_far: Selection, winner: Fit, fitted: dict[str, Fit]) -> Selection:
         best, term = so_far.fit, winner.hypothesis.terms[-1].name
         gain, above = best.cost - winner.cost, best.chi2 - self.problem.samples
-        alike = {n: f.cost - winner.cost for n, f in rivals.items() if n != term and self.as_good(f, winner)}
+        alike = {n: f.cost - winner.cost for n, f in fitted.items() if n != term and self.as_good(f, winner)}
         self.progress(f"{term} takes {share(gain, above)} of what is above noise")
         last, selected = self.without_needless(
             self.in_every_unit(winner), [*so_far.selected, Selected(term, gain, alike)]
@@ -167,7 +167,7 @@ class Selector:
                 self._columns = columns
             ranked = scores(self.problem, best, columns)
             own = [s for s in ranked if s.term.name not in self.scan.indistinguishable]  # not fitted twice
-            found = self.competition.fits(best, own, thresholds.RIVAL * self.problem.evidence)
+            found = self.competition.fits(best, own, thresholds.WORTH_FITTING * self.problem.evidence)
             winner = min(found.values(), key=lambda f: f.cost, default=None)
             if winner is not None and best.cost - winner.cost >= self.problem.evidence:
                 return ranked, found, winner
@@ -180,7 +180,7 @@ class Selector:
         ranked = scores(self.problem, best, self.scan.setting_in(best, onset, skip=active))
         return self.competition.setting_in(best, ranked, onset)
 
-    def promised(self, best: Fit) -> float:
+    def predicted_share(self, best: Fit) -> float:
         """Share of what a fit leaves above noise that a term which acts for the whole time would take."""
         ranked = scores(self.problem, best, self.scan.columns(best))
         gain = max((s.gain for s in ranked if not s.term.episode), default=0.0)
@@ -196,8 +196,8 @@ class Selector:
         k = next(k for k, c in enumerate(at.hypothesis.coordinates) if c.names[0] == last.term.amplitude)
         if at.x[k] < at.hypothesis.coordinates[k].upper - 1e-6:
             return winner
-        twins = self.scan.alike(last.name) - {last.name}
-        for other in (t for t in self.scan.terms if t.name in twins):
+        others = self.scan.alike(last.name) - {last.name}
+        for other in (t for t in self.scan.terms if t.name in others):
             values = {name.replace(last.name, other.name, 1): value for name, value in last.values.items()}
             found = fit_added(self.problem, winner, [replace(last, term=other, values=values)], finished(2, steps=15))
             if found is not None and winner.cost - found.cost > self.problem.evidence:

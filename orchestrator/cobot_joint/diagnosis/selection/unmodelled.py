@@ -64,8 +64,8 @@ def look_for_unmodelled(
     """None: the list explains what there is, or no form at any port does better.
 
     First alone: a form that explains all of it makes listed terms patches. Else beside listed terms that do most of it.
-    least: share of what is above noise that the first forms at a port have to promise together, or nothing else than
-    one of them that takes nearly all is an answer.
+    least: share of what is above noise that the first forms at a port are predicted to take together, or nothing else
+    than one of them that takes nearly all is an answer.
     """
     before, left = problem.excess(calibrated.residual), problem.excess(listed.fit.residual)
     terms = len(listed.selected)

@@ -164,7 +164,7 @@ def _over(d: Array, x: Array, variable: str, name: str, tracked: Tracked) -> Cur
 
 
 def _spectrum(evidence: Evidence, port: str, tau: float, d: Array, phi: Array, name: str) -> Spectrum:
-    """Orders from once per turn on: what is slower is not told from a course over time or speed.
+    """Orders from once per turn on: what is slower is not told from a change over time or speed.
 
     A sample counts by the angle that it turns, so that standstill says nothing, less where the signal of that order is
     quicker than the latent's tau, s, and the smoother has taken it away, and not where it is beyond the sampling. The

@@ -52,12 +52,12 @@ def structure(
     chosen: list[int] = []
     alike: dict[str, tuple[str, ...]] = {}
     for j in order:
-        twin = next((k for k in chosen if _cosine(quick, j, k) > ALIKE), None)
-        if twin is None:
+        same = next((k for k in chosen if _cosine(quick, j, k) > ALIKE), None)
+        if same is None:
             chosen.append(j)
             alike[ports[j]] = ()
         else:
-            alike[ports[twin]] += (ports[j],)
+            alike[ports[same]] += (ports[j],)
     return Structure(followed, tuple(Latent(ports[j], FIRST / float(size[j])) for j in chosen), alike)
 
 

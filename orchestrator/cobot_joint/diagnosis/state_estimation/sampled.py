@@ -162,7 +162,7 @@ def _that_matter(system: System, wires: list[Connection], taps: list[Connection]
 
 def _reads(system: System, wire: Connection, needed: set[tuple[str | None, str]]) -> bool:
     unit = system.component(str(wire.sink_component)).unit
-    if unit.description.derivatives:
+    if unit.states:
         return True
     outputs = [v for name, v in needed if name == wire.sink_component]
     return any(wire.sink in unit.needs.get(v, [wire.sink]) for v in outputs)

@@ -2,7 +2,7 @@
 
 FMI 2.0 has no call that sets a state between two steps. A state with a start value can be set before a run, though, and
 a run may begin at any time: a run from a given state is a run that begins there. Which variables are states a unit says
-by listing their derivatives in its ModelStructure (FMI 2.0.4, 2.2.8).
+by listing their derivatives in its ModelStructure.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def why_none(system: System) -> str:
     """Why the system's states cannot be set, in words; empty: they can."""
     for component in system.components:
         unit = component.unit
-        if not unit.description.derivatives and TOOL not in (unit.description.generationTool or ""):
+        if not unit.states and TOOL not in (unit.description.generationTool or ""):
             return f"{component.name} ({component.source}) does not list the derivatives of its states"
         for state in _listed(component):
             if unit.variables[state.variable].initial != "exact":
@@ -53,11 +53,9 @@ def why_none(system: System) -> str:
 
 def _listed(component: Component) -> list[StateVariable]:
     found = []
-    for unknown in component.unit.description.derivatives:
-        derivative = unknown.variable
-        state = derivative.derivative
-        lower, upper = component.unit.bounds_of(state.name)
-        nominal = abs(float(state.nominal or 1.0))
+    for state, derivative in component.unit.states.items():
+        lower, upper = component.unit.bounds_of(state)
+        nominal = abs(float(component.unit.variables[state].nominal or 1.0))
         bounds = -np.inf if lower is None else lower, np.inf if upper is None else upper
-        found.append(StateVariable(component.name, state.name, derivative.name, nominal, *bounds))
+        found.append(StateVariable(component.name, state, derivative, nominal, *bounds))
     return found

@@ -17,20 +17,20 @@ TOKEN = re.compile(r'#define UNIT_GUID "(.*)"')  # in sources/all.c: which table
 
 
 def as_fmi3(folder: Path) -> None:
-    """An unpacked FMI 2.0 FMU of ours becomes its FMI 3.0 twin, with its start values, ports, resources and GUID.
+    """An unpacked FMI 2.0 FMU of ours becomes its FMI 3.0 counterpart: same start values, ports, resources, GUID.
 
-    UserError: it is not ours, or not built from the same sources as the twin.
+    UserError: it is not ours, or not built from the same sources as the counterpart.
     """
     file = folder / "modelDescription.xml"
     two = xml.parse(file.read_bytes(), str(file))
     name = two.get("modelName")
-    twin = _twin(two.find("CoSimulation").get("modelIdentifier"))
-    if twin is None or _token(folder / "sources/all.c") != _token(zipfile.Path(twin, "sources/all.c")):
+    counterpart = _counterpart(two.find("CoSimulation").get("modelIdentifier"))
+    if counterpart is None or _token(folder / "sources/all.c") != _token(zipfile.Path(counterpart, "sources/all.c")):
         raise UserError(f"--for fmi3: {name} is not one of the units that this installation has as FMI 3.0 FMUs")
     for part in folder.iterdir():
         if part.is_dir() and part.name != "resources":
             shutil.rmtree(part)
-    with zipfile.ZipFile(twin) as archive:
+    with zipfile.ZipFile(counterpart) as archive:
         archive.extractall(folder)
     three = xml.parse(file.read_bytes(), str(file))
     three.set("instantiationToken", two.get("guid"))
@@ -38,12 +38,12 @@ def as_fmi3(folder: Path) -> None:
     file.write_bytes(etree.tostring(three, xml_declaration=True, encoding="UTF-8"))
 
 
-def _twin(identifier: str) -> Path | None:
+def _counterpart(identifier: str) -> Path | None:
     try:
-        twin = find_fmu(f"{identifier}.fmu").parent / "fmi3" / f"{identifier}.fmu"
+        counterpart = find_fmu(f"{identifier}.fmu").parent / "fmi3" / f"{identifier}.fmu"
     except UserError:
         return None
-    return twin if twin.is_file() else None
+    return counterpart if counterpart.is_file() else None
 
 
 def _token(source: Path | zipfile.Path) -> str | None:

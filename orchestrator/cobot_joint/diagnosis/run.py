@@ -103,17 +103,18 @@ def diagnose_campaign(
     return Outcome(verdict_sentence(content, texts), content, units_of(campaign), files)
 
 
-def judge(diagnosis: Diagnosis, predict: Callable[[], Mapping[str, Any]] = dict) -> None:
+def judge(diagnosis: Diagnosis, predict: Callable[[], Mapping[str, Mapping[str, Any]]] = dict) -> None:
     """Withhold a repair that does not predict, and what was claimed with it.
 
-    predict: channel -> figures of anchored predictions of the held-out runs. Asked only where free runs speak against
-    the repair: these add up whatever is wrong, and lose angles.
+    predict: role -> channel -> figures of anchored predictions. Asked only where free runs speak against the repair:
+    these add up whatever is wrong, and lose angles.
     """
     if not diagnosis.findings or judged(diagnosis.channels) == "offered":
         return
-    for name, figures in predict().items():
-        if "holdout" in diagnosis.channels[name]:
-            diagnosis.channels[name]["holdout"]["predicted"] = figures
+    for role, predicted in predict().items():
+        for name, figures in predicted.items():
+            if role in diagnosis.channels[name]:
+                diagnosis.channels[name][role]["predicted"] = figures
     if judged(diagnosis.channels) == "offered":
         return
     diagnosis.repair, diagnosis.verdict = "withheld", "undecided"
@@ -121,12 +122,12 @@ def judge(diagnosis: Diagnosis, predict: Callable[[], Mapping[str, Any]] = dict)
 
 
 def anchored(campaign: Campaign, out: Path, calibrated: Mapping[str, float], say: Progress) -> dict[str, Any]:
-    """Channel -> figures of anchored predictions of the held-out runs; empty: there are none, or none can be had."""
-    if not campaign.holdout:
-        return {}
-    say("predicting the held-out runs from short distances")
+    """Role -> channel -> figures of anchored predictions; empty: none can be had."""
+    say("predicting all runs from short distances")
+    runs = {role: found for role, found in (("holdout", campaign.holdout), ("train", campaign.train)) if found}
     try:
-        return predicted_figures(campaign.holdout, variants(campaign, out, calibrated), noise_of(campaign))
+        systems, noise = variants(campaign, out, calibrated), noise_of(campaign)
+        return {role: predicted_figures(recordings, systems, noise) for role, recordings in runs.items()}
     except SimulationError as error:
         say(f"no anchored prediction: {error}")
         return {}

@@ -31,11 +31,18 @@ def above_noise(channels: Channels, role: str) -> dict[str, float] | None:
 
 def judged(channels: Channels) -> Literal["offered", "withheld"]:
     """Whether the repair predicts no worse than nominal and calibrated, and fits no worse than calibrated."""
-    for role, others in (("holdout", ("nominal", "calibrated")), ("train", ("calibrated",))):
+    return "withheld" if fails(channels) else "offered"
+
+
+def fails(channels: Channels) -> Literal["holdout", "train"] | None:
+    """The runs in which the repair is worse; None: in neither."""
+    roles: dict[Literal["holdout", "train"], tuple[str, ...]]
+    roles = {"holdout": ("nominal", "calibrated"), "train": ("calibrated",)}
+    for role, others in roles.items():
         error = above_noise(channels, role)
         if error and error["repaired"] > thresholds.NO_WORSE * min(error[v] for v in others) + thresholds.NEGLIGIBLE:
-            return "withheld"
-    return "offered"
+            return role
+    return None
 
 
 def removed(channels: Channels) -> tuple[float, str] | None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cobot_joint.diagnosis import thresholds
-from cobot_joint.diagnosis.repair.gate import removed
+from cobot_joint.diagnosis.repair.gate import fails, removed
 from cobot_joint.diagnosis.report.words import load_history
 from cobot_joint.diagnosis.selection.confidence import counted
 
@@ -43,7 +43,8 @@ def verdict_sentence(d: Json, terms: Mapping[str, TermText]) -> str:
     if not findings:
         return "The recordings differ from the system by more than noise and tolerances, and no explanation stands out."
     if d.get("repair") == "withheld":
-        return f"Undecided: {_suspects(findings, terms)} fits, but does not predict: the repair is withheld."
+        worse = "fits no better than a re-fit" if fails(d["channels"]) == "train" else "fits, but does not predict"
+        return f"Undecided: {_suspects(findings, terms)} {worse}: the repair is withheld."
     named = [f for f in findings if not f.get("shape")]
     parts = [f"{title_of(f['term'], terms)} in {f['component']} ({percent(f.get('confidence'))} sure)" for f in named]
     others = [
@@ -115,7 +116,7 @@ def how_sure(f: Json, d: Json) -> str:
         return "not known"
     said = percent(given)
     if d.get("repair") == "withheld":
-        return f"{said}: less than even, since it does not predict"
+        return f"{said}: less than even, since its repair is withheld"
     if (ground := f.get("confidence_from")) != "drawn machines":
         return f"{said}; {NOT_COUNTED.get(ground or '', 'what stands behind it is not on record')}"
     (low, high), findings, right = counted(given)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cobot_joint.diagnosis import thresholds
-from cobot_joint.diagnosis.repair.gate import calibration_misleads
+from cobot_joint.diagnosis.repair.gate import calibration_misleads, fails
 from cobot_joint.diagnosis.report import localization_words
 
 Json = Mapping[str, Any]
@@ -97,7 +97,11 @@ def notes(content: Json) -> list[str]:
     if calibration_misleads(content["channels"]):
         said.append("the re-fitted base model predicts held-out runs worse than the system as specified")
     if content["repair"] == "withheld":
-        said.append("what was found does not predict held-out runs better than the system without it")
+        said.append(
+            "what was found fits the training runs worse than the re-fitted base model"
+            if fails(content["channels"]) == "train"
+            else "what was found does not predict held-out runs better than the system without it"
+        )
     if time_was_up := left_out(content):
         said.append(time_was_up)
     return said + _unexplained(content)

@@ -7,6 +7,7 @@ import pytest
 from cobot_joint.diagnosis.findings import Diagnosis, Finding
 from cobot_joint.diagnosis.repair.gate import calibration_misleads, judged, removed
 from cobot_joint.diagnosis.report.headline import verdict_sentence
+from cobot_joint.diagnosis.report.words import notes
 from cobot_joint.diagnosis.run import judge
 
 WHERE = {"recording": "a", "channel": "w", "time": [0.0, 1.0], "by_recording": {"a": 1.0}, "by_regime": []}
@@ -67,6 +68,28 @@ def test_a_repair_that_free_runs_speak_against_is_offered_where_it_predicts_from
     finding = Finding("axis.cogging", (), 0.95, None, {}, dict(WHERE), 1e6)
     diagnosis = Diagnosis("explained", [finding], {}, {}, channels=channels(1.5, 4.0, 6.0))
     short = {"horizon": 0.2, "nominal": 3.0, "calibrated": 2.0, "repaired": 1.0}
-    judge(diagnosis, lambda: {"w": short})
+    judge(diagnosis, lambda: {"holdout": {"w": short}})
     assert (diagnosis.verdict, diagnosis.repair) == ("explained", "offered")
     assert diagnosis.channels["w"]["holdout"]["predicted"] == short
+
+
+def found_worse_in_free_training_runs() -> Diagnosis:
+    finding = Finding("sensor.hysteresis", (), 0.9, None, {}, dict(WHERE), 1e3)
+    return Diagnosis("explained", [finding], {}, {}, channels=channels(5.0, 2.0, 1.0, train=3.0))
+
+
+def test_training_runs_too_are_judged_by_anchored_predictions_where_free_runs_speak_against_the_repair() -> None:
+    """what a hysteresis remembers when a recording begins is not known to a free run"""
+    diagnosis = found_worse_in_free_training_runs()
+    better = {"w": {"horizon": 0.2, "nominal": 5.0, "calibrated": 2.0, "repaired": 1.0}}
+    judge(diagnosis, lambda: {"holdout": better, "train": better})
+    assert (diagnosis.verdict, diagnosis.repair) == ("explained", "offered")
+
+
+def test_a_repair_that_fits_worse_is_not_said_to_predict_worse() -> None:
+    diagnosis = found_worse_in_free_training_runs()
+    judge(diagnosis)
+    assert diagnosis.repair == "withheld"
+    said = diagnosis.to_json()
+    assert "fits no better than a re-fit" in verdict_sentence(said, {})
+    assert notes(said)[0] == "what was found fits the training runs worse than the re-fitted base model"

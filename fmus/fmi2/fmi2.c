@@ -232,7 +232,13 @@ fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component component, fmi2Real n
 
 /* ---- states ---------------------------------------------------------------------------------------------------- */
 fmi2Status fmi2GetFMUstate(fmi2Component component, fmi2FMUstate *state) { CALL(ANY, get_state(component, state)); }
-fmi2Status fmi2SetFMUstate(fmi2Component component, fmi2FMUstate state) { CALL(ANY, set_state(component, state)); }
+
+static Status set_own_state(Fmi2Instance *c, const Snapshot *state) {
+  if (state && is_state(state) && state->phase & (c->exchange ? STEPPING | STOPPED_SHORT : EXCHANGED))
+    FAIL(&c->core, "this state is of an instance for %s", c->exchange ? "co-simulation" : "model exchange");
+  return set_state(&c->core, state);
+}
+fmi2Status fmi2SetFMUstate(fmi2Component component, fmi2FMUstate state) { CALL(ANY, set_own_state(component, state)); }
 fmi2Status fmi2FreeFMUstate(fmi2Component component, fmi2FMUstate *state) { CALL(ANY, free_state(state)); }
 fmi2Status fmi2SerializedFMUstateSize(fmi2Component component, fmi2FMUstate state, size_t *size) {
   CALL(ANY, serialized_size(component, state, size));

@@ -267,6 +267,21 @@ def test_a_parameter_is_set_in_event_mode_alone(exchange: Callable[..., Exchange
         gear.set({"friction.d": 0.02})
 
 
+def test_a_state_of_one_kind_of_instance_is_refused_by_the_other(
+    make: Make, exchange: Callable[..., Exchanged]
+) -> None:
+    exchanged, stepped = exchange("planetary_gear"), make("planetary_gear")
+    exchanged.begin({}, {})
+    states = [unit.fmu.getFMUstate() for unit in (exchanged, stepped)]
+    for unit, own, other in ((exchanged, *states), (stepped, *reversed(states))):
+        unit.fmu.setFMUstate(own)
+        with pytest.raises(FMICallException):
+            unit.fmu.setFMUstate(other)
+    for unit, state in zip((exchanged, stepped), states, strict=True):
+        unit.fmu.freeFMUstate(state)
+    assert "this state is of an instance for model exchange" in stepped.log[-1]
+
+
 def test_the_number_of_states_has_to_be_right(exchange: Callable[..., Exchanged]) -> None:
     gear = exchange("planetary_gear")
     gear.begin({}, {})

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cobot_joint.diagnosis.anchored.background import Group, background
 from cobot_joint.diagnosis.anchored.regression import Added, Columns, Products, Regression
+from cobot_joint.diagnosis.plant.at_once import at_once
 from cobot_joint.diagnosis.plant.plant import Port, TermCandidate
 from cobot_joint.diagnosis.state_estimation.estimator import Tracked
 from cobot_joint.diagnosis.state_estimation.evidence import TOGETHER, Effect, Evidence, Tracking, combinations
@@ -186,8 +187,11 @@ class Beside:
 
     def _white(self, effect: Effect) -> list[Array]:
         """In the innovations: (n, channels, columns) per recording"""
-        parts = zip(self.trackings, effect.psi, effect.direct, self._weight, strict=True)
-        return [respond(t.tracked.steps, t.tracked.filtered, psi, direct) * w for t, psi, direct, w in parts]
+
+        def of_one(t: Tracking, psi: Array, direct: Array, w: Array) -> Array:
+            return respond(t.tracked.steps, t.tracked.filtered, psi, direct) * w
+
+        return at_once(of_one, self.trackings, effect.psi, effect.direct, self._weight)
 
     def _products(self, white: Sequence[Array]) -> Products:
         return Products(self._sums(white, white), self._sums(self._X, white), self._sums(white, self._e)[:, :, 0])

@@ -16,6 +16,7 @@ from cobot_joint.diagnosis.anchored.tracks import Tracker
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.fit import NORMAL
 from cobot_joint.diagnosis.findings import Estimate
+from cobot_joint.diagnosis.plant.at_once import at_once
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import PROBE, SPEEDS, TermCandidate
 from cobot_joint.diagnosis.plant.plant import SimulationError as RunError
@@ -254,16 +255,19 @@ class Searcher:
         self, found: Search, recordings: Sequence[Recording], more: Mapping[str, float]
     ) -> list[NDArray[np.float64]] | None:
         """Per recording, outputs of a free run, (n, channels); None: one came to no end."""
-        results = []
-        for r in recordings:
+
+        def of_one(r: Recording) -> NDArray[np.float64] | None:
             values = {name: value for name, value in {**found.values, **more}.items() if self.plant.has(name, r)}
             late = {name: t for name, t in found.onsets.items() if name in values}
             try:
                 outputs = self.plant.simulate(values, r, onsets=late)
             except RunError:
                 return None
-            results.append(np.column_stack([outputs[channel] for channel in r.outputs]))
-        return results
+            return np.column_stack([outputs[channel] for channel in r.outputs])
+
+        results = at_once(of_one, recordings)
+        ended = [outputs for outputs in results if outputs is not None]
+        return ended if len(ended) == len(results) else None
 
     def _outside(self, found: Search, at: Beside, candidate: Candidate) -> Candidate | None:
         """A base parameter is an answer of its own where its tolerance holds it back: by as much as the recordings are

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import replace
 from types import TracebackType
 
 from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.plant.at_once import at_once
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.state_estimation.estimator import Latent, StateEstimator
 from cobot_joint.diagnosis.state_estimation.evidence import Tracking
@@ -19,7 +19,6 @@ from cobot_joint.diagnosis.state_estimation.sampled import SampledSystem
 from cobot_joint.system.model import Value
 
 SLOW = 2.0  # s that a second latent force at each port lives: supplies, temperatures
-AT_ONCE = 2  # recordings, each in a thread
 FIRST, AGAIN = 8, 3  # rounds of estimating the latent forces' sizes; where they are known about
 
 
@@ -56,8 +55,7 @@ class Tracker:
                 why.append(error)
                 return None
 
-        with ThreadPoolExecutor(AT_ONCE) as pool:
-            found = [tracking for tracking in pool.map(one, self.recordings) if tracking is not None]
+        found = [tracking for tracking in at_once(one, self.recordings) if tracking is not None]
         if not found and why:
             raise why[0]
         return found

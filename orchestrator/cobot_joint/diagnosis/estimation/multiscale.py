@@ -20,6 +20,7 @@ from cobot_joint.diagnosis.estimation.problem import Block, Problem, Vector
 
 WINDOWS = (128, 32)  # samples that are averaged, one after the other: the wider, the fewer local minima
 LEAST = 20  # windows that a recording must have
+ON_THE_WAY = Precision(settled=10.0, roughly=0.02, steps=8, jacobians=1)  # of the slow parts' fits
 FAR = 0.03  # of the slow residual above noise, that a re-fit would take: of 45 calibrations on ../shared 8 have more,
 # up to 0.63; there the better of both fits counts, so that it costs time only
 
@@ -57,19 +58,34 @@ def out_of_local_minimum(problem: Problem, found: Fit, precision: Precision) -> 
     scales = [Averaged(problem, window) for window in WINDOWS if shortest >= LEAST * window]
     if not any(_is_far(slow, found) for slow in scales):
         return found
-    begun: Fit | None = found
-    for scale in (*scales, problem):
-        begun = fit(scale, found.hypothesis, begun.x, None, precision) if begun is not None else None
-    return begun if begun is not None and begun.cost < found.cost else found
+    at = found
+    for slow in scales:
+        begun = fit(slow, found.hypothesis, at.x, None, ON_THE_WAY)
+        if begun is None or (_is_far(slow, found) and not _lost(slow, found, begun.chi2)):
+            return found  # another form is missing, not another place
+        at = begun
+    ended = fit(problem, found.hypothesis, at.x, None, precision)
+    return ended if ended is not None and ended.cost < found.cost else found
 
 
 def _is_far(slow: Averaged, found: Fit) -> bool:
     """Whether a re-fit would take much of the slow part of the residual."""
     residual = slow.of(found.residual)
     at = replace(found, residual=residual, jacobian=slow.of(found.jacobian))
-    above = float(residual @ residual) - slow.samples
     noise = thresholds.LEFT_SIGMA * np.sqrt(2 * slow.samples)
+    above = _above(slow, found)
     return above > noise and predicted_decrease(at) > FAR * above
+
+
+def _lost(slow: Averaged, found: Fit, chi2: float) -> bool:
+    """Whether that is much less than the fit leaves of its slow part."""
+    return _above(slow, found) + slow.samples - chi2 > FAR * _above(slow, found)
+
+
+def _above(slow: Averaged, found: Fit) -> float:
+    """Chi-square above noise of what a fit leaves in its slow part."""
+    residual = slow.of(found.residual)
+    return float(residual @ residual) - slow.samples
 
 
 def _means(rows: Vector, window: int) -> Vector:

@@ -167,11 +167,22 @@ class Selector:
                 self._columns = columns
             ranked = scores(self.problem, best, columns)
             own = [s for s in ranked if s.term.name not in self.scan.indistinguishable]  # not fitted twice
+            if active and self._is_background(best, own):
+                break
             found = self.competition.fits(best, own, thresholds.WORTH_FITTING * self.problem.evidence)
             winner = min(found.values(), key=lambda f: f.cost, default=None)
             if winner is not None and best.cost - winner.cost >= self.problem.evidence:
                 return ranked, found, winner
         return ranked, found, None
+
+    def _is_background(self, best: Fit, ranked: Sequence[Score]) -> bool:
+        """Whether no later term is predicted to come near what it must take: fits would be rejected as patches."""
+        above = best.chi2 - self.problem.samples
+        gain = max((s.gain for s in ranked), default=0.0)
+        if gain >= thresholds.WORTH_FITTING * above:
+            return False
+        self.progress(f"the best further term is predicted to take {share(gain, above)} of what is left: a background")
+        return True
 
     def setting_in(self, best: Fit, onset: float) -> Fit | None:
         """The best listed term that is off until about then, beside a fit. None: none can be simulated."""

@@ -15,6 +15,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from cobot_joint.diagnosis.plant.at_once import at_once
 from cobot_joint.diagnosis.plant.plant import TermCandidate
 from cobot_joint.diagnosis.state_estimation.estimator import StateEstimator, Tracked
 from cobot_joint.diagnosis.state_estimation.kalman import respond
@@ -191,16 +192,16 @@ class Evidence:
         values = [{**shapes, **phase} for shapes in combinations for phase in phases]
         whole = [shape.name for shape in term.shapes if shape.whole]
         orders = [max((float(v[name]) for name in whole), default=0.0) for v in values]
-        psi, direct = [], []
-        for n, t in enumerate(self.trackings):
+
+        def of_one(n: int) -> tuple[Array, Array]:
+            t = self.trackings[n]
             if self._has(t, term.name):
-                found = self._of_amplitudes(n, term.amplitude, values, orders)
-            else:
-                shape = (*t.tracked.y.shape, len(values))
-                found = np.zeros((shape[0] - 1, t.estimator.x.stop, len(values))), np.zeros(shape)
-            psi.append(found[0])
-            direct.append(found[1])
-        return Effect(psi, direct)
+                return self._of_amplitudes(n, term.amplitude, values, orders)
+            shape = (*t.tracked.y.shape, len(values))
+            return np.zeros((shape[0] - 1, t.estimator.x.stop, len(values))), np.zeros(shape)
+
+        found = at_once(of_one, range(len(self.trackings)))
+        return Effect([psi for psi, _ in found], [direct for _, direct in found])
 
     def _of_amplitudes(
         self, n: int, amplitude: str, values: Sequence[Mapping[str, Value]], orders: Sequence[float]

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from cobot_joint.diagnosis.candidates.score_test import Scan, scores
 from cobot_joint.diagnosis.data.campaign import Campaign
@@ -60,6 +61,25 @@ def test_a_term_that_a_later_one_made_needless_goes() -> None:
     assert [s.term for s in kept] == ["axis.cogging"]
     assert [a.name for a in left.hypothesis.terms] == ["axis.cogging"]
     assert left.cost - both.cost < 500
+
+
+@pytest.mark.parametrize("second", [{}, {"axis.asymmetry.tau_A": 2e-3}])
+def test_a_further_term_is_fitted_only_where_one_is_predicted_to_take_much_of_what_is_left(
+    second: dict[str, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = campaign(TRUE | second)
+    for seed, recording in enumerate(case.recordings):  # no term has it
+        wander = lfilter([1.0], [1.0, -0.9], np.random.default_rng(seed).normal(0, 5e-4, len(recording.time)))
+        clean = [Axis().simulate(TRUE, recording, added={"axis.tau_add": k * wander})["w"] for k in (0, 1)]
+        recording.outputs["w"] = recording.outputs["w"] + clean[1] - clean[0]
+    problem, base = refitted(case)
+    first = fit_added(problem, base, [ActiveTerm(COGGING, TRUE)], Precision())
+    assert first is not None
+    assert problem.unexplained(first.residual)
+    fitted = []
+    monkeypatch.setattr(Competition, "fits", lambda self, best, ranked, least: fitted.append(best) or {})
+    Selector(problem, Scan(problem, TERMS), lambda words: None).search([base, first])
+    assert bool(fitted) == bool(second)
 
 
 def test_terms_that_explain_less_than_what_stays_unexplained_are_pruned() -> None:

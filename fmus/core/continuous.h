@@ -72,13 +72,16 @@ static Status get_event_indicators(Instance *c, double z[], size_t n) {
   return OK;
 }
 
-/* when the unit wants the next time event: a late value, a sample */
+/* when the unit wants the next time event: a late value, a sample, one of its own */
 static double next_time_event(const Instance *c) {
   double next = next_late(&c->late, &c->unit);
 #if defined UNIT_SAMPLED
   const Unit *m = &c->unit;
   const double samples = floor((m->time - m->start_time) / SAMPLE_PERIOD + 1e-6) + 1;
   next = fmin(next, m->start_time + samples * SAMPLE_PERIOD);
+#endif
+#if defined UNIT_TIMED
+  next = fmin(next, unit_next_time(&c->unit));
 #endif
   return next;
 }

@@ -105,6 +105,27 @@ static bool events_here(Unit *m) {
 }
 #endif
 
+/* the unit's own time events that are due at the present point */
+static inline void time_events_here(Unit *m) {
+  (void)m;
+#if defined UNIT_TIMED
+  while (unit_next_time(m) - m->time <= 1e-13 * fmax(1, fabs(m->time))) {
+    unit_time_event(m);
+    evaluate(m, m->time);
+  }
+#endif
+}
+
+/* t_end, or the unit's own time event that comes before it */
+static inline double next_stop(const Unit *m, double t_end) {
+  (void)m;
+#if defined UNIT_TIMED
+  const double next = unit_next_time(m);
+  if (next < t_end) return next > m->time ? next : m->time;
+#endif
+  return t_end;
+}
+
 /* how large each state is, the other way round */
 static const double OVER_NOMINAL[N_STATE + 1] = {
 #define STATE(name, unit, nominal, ...) 1 / (double)(nominal),
@@ -201,6 +222,14 @@ static inline double look(Watch *watch, const Unit *m, double t_end) {
   return fmin(t_end, watch->until);
 }
 
+/* whether the step ends at an event, at t: it is the master's */
+static inline bool leaves_event(Watch *watch, double t) {
+  if (!watch || !watch->at_events) return false;
+  watch->event_due = true;
+  watch->until = t;
+  return true;
+}
+
 /* From m->time to t_end, or where the watch (NULL: there is none) ends it. Returns NULL, or why it could not be done. */
 static const char *integrate(Unit *m, double t_end, Watch *watch) {
   if (m->stale) evaluate(m, m->time);
@@ -208,6 +237,7 @@ static const char *integrate(Unit *m, double t_end, Watch *watch) {
 #if defined UNIT_EVENTS
   if (!events_here(m)) return "events follow each other without end";
 #endif
+  time_events_here(m);
   if (N_X == 0) {
     evaluate(m, t_end);
     if (watch) look(watch, m, t_end);
@@ -216,10 +246,12 @@ static const char *integrate(Unit *m, double t_end, Watch *watch) {
   double t = m->time, x0[N_X1], k1[N_X1];
   const double *der = reals(m) + FIRST_DER, shortest = 1e-13 * fmax(1, fabs(t_end));
   for (int n = 0; n < MAX_STEPS; n++) {
-    const double left = t_end - t;
+    const double stop = next_stop(m, t_end), left = stop - t;
     if (left <= shortest) {
-      if (m->time != t_end) m->time = t_end;
-      return NULL;
+      if (m->time != stop) t = m->time = stop;
+      if (stop >= t_end || leaves_event(watch, stop)) return NULL;
+      time_events_here(m);
+      continue;
     }
     /* the last step ends on t_end; the one before it is halved with it rather than leaving a crumb */
     double h = m->step >= left ? left : m->step > left / 2 ? left / 2 : m->step;
@@ -254,16 +286,12 @@ static const char *integrate(Unit *m, double t_end, Watch *watch) {
       evaluate(m, t);
       continue;
     }
-    t = last ? t_end : t + h;
+    t = last ? stop : t + h;
     m->time = t;
     const double next = h * (error < 0.18 * 0.18 * 0.18 ? 5 : 0.9 / cbrt(error));
     m->step = h < m->step ? fmax(m->step, next) : next; /* a step cut short says nothing against longer ones */
 #if defined UNIT_EVENTS
-    if (watch && watch->at_events && event_pending(m, z)) {
-      watch->event_due = true;
-      watch->until = t;
-      return NULL;
-    }
+    if (watch && watch->at_events && event_pending(m, z) && leaves_event(watch, t)) return NULL;
     if (!events_here(m)) return "events follow each other without end";
 #endif
     if (watch) t_end = look(watch, m, t_end);

@@ -101,6 +101,7 @@ static inline Status update_discrete_states(Instance *c, bool *happened) {
 #if defined UNIT_EVENTS
   memset(m->happened, 0, sizeof m->happened);
   if (!events_here(m)) FAIL(c, "events follow each other without end");
+  time_events_here(m);
   evaluate_outputs(m, m->time);
   for (int k = 0; k < N_EVENT; k++) *happened |= m->happened[k].count > 0;
   if (c->log_events) tell_events(c);

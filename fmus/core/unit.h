@@ -162,6 +162,8 @@ static void unit_start(Unit *m);
 static void unit_equations(Unit *m);
 /* with EVENT rows: z[k] turns positive where event k happens; then what the event changes.
  * With #define UNIT_SAMPLED in equations.c: unit_sample(m), once at the end of each communication step.
+ * With #define UNIT_TIMED: unit_next_time(m), when the next time event is due (INFINITY: never), and unit_time_event(m), what
+ * it changes: no state.
  * With #define UNIT_OBSERVED: unit_observe(m), outputs that follow from the states and that nothing else needs. */
 
 #define PI 3.14159265358979323846

@@ -3,14 +3,16 @@
  *   L di/dt             = v - R i - k w                    thesis eq. 2.5
  *   (J + J_coupled) dw/dt = k i - tau_f - tau              thesis eq. 2.2
  *
- * constants.h has what k depends on, losses.h what bridge, supply and iron take, foc.h the same in rotor coordinates.
+ * constants.h has what k depends on, losses.h what bridge, supply and iron take, foc.h the same in rotor coordinates,
+ * switching.h the pulses of the bridge.
  */
 #define UNIT_EVENTS
 #define UNIT_OBSERVED
 #define UNIT_SAMPLED
+#define UNIT_TIMED
 #include "core/unit.h"
 
-enum { AVERAGED = 1, SIMSCAPE, COMPREHENSIVE, FOC };
+enum { AVERAGED = 1, SIMSCAPE, COMPREHENSIVE, FOC, SWITCHING };
 /* the others have one current that gives the torque, x_i, and one voltage that drives it */
 static inline bool six_step(const Unit *m) { return m->motor_level == SIMSCAPE || m->motor_level == COMPREHENSIVE; }
 
@@ -19,6 +21,7 @@ static inline bool six_step(const Unit *m) { return m->motor_level == SIMSCAPE |
 #include "motor_bldc/drive.h"
 #include "motor_bldc/foc.h"
 #include "motor_bldc/losses.h"
+#include "motor_bldc/switching.h"
 #include "motor_bldc/three_phase.h"
 
 static const int HALL[6] = {1, 3, 2, 6, 4, 5}; /* H1 + 2*H2 + 4*H3 per sector, Table 2.2 */
@@ -26,7 +29,7 @@ static const int HALL[6] = {1, 3, 2, 6, 4, 5}; /* H1 + 2*H2 + 4*H3 per sector, T
 static void unit_start(Unit *m) {
   if (m->time == m->start_time) m->sector[0] = sector_of(electrical_angle(m));
   m->lossy[0] = any_loss(m);
-  m->der_x_i = m->der_x_ia = m->der_x_ib = m->der_x_d = m->der_q_d = m->v_d = 0; /* and stay 0 at other levels */
+  m->der_x_i = m->der_x_ia = m->der_x_ib = m->der_x_d = m->der_q_d = m->v_d = m->v_drive = 0; /* and stay 0 at others */
   start_sliding(m, m->w);
 }
 
@@ -61,6 +64,7 @@ static void unit_equations(Unit *m) {
   double v_max = voltage_limit(m, m->v_dc), e_q = e;
   if (foc) d_axis(m, i, R, &v_max, &e_q);
   double v = drive(m, i, e_q, m->winding_R, v_max);
+  if (switching(m)) v = chopped(m, v);
   const double v_drive = v;
   if (m->enable) {
     if (lossy) v -= bridge_drop(m, v_drive, i);
@@ -123,7 +127,7 @@ static double encoder_counts(const Unit *m) { return floor(4 * m->encoder_lines 
 /* what only an observer needs: phase quantities of the DC equivalent, Hall code, encoder */
 static void unit_observe(Unit *m) {
   const int n = modulo6(six_step(m) ? m->sector[0] : sector_of(electrical_angle(m)));
-  if (m->motor_level == AVERAGED) {
+  if (m->motor_level == AVERAGED || switching(m)) {
     double i3[3] = {0}, shape[3];
     i3[HIGH[n]] = m->x_i;
     i3[LOW[n]] = -m->x_i;
@@ -235,6 +239,7 @@ static void switch_bridge(Unit *m) {
   double i[3];
   phase_currents(m, i);
   m->off[0] = !m->enable;
+  if (m->off[0]) m->chopper[0] = IDLE;
   for (int x = 0; x < 3; x++) m->leg[x] = m->off[0] ? leg_of(i[x]) : 0;
   m->q_i = m->q_d = m->x_d = 0;
   if (!m->off[0] && six_step(m)) open_floating_phase(m);

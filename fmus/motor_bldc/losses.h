@@ -4,6 +4,7 @@
 
 #include "core/unit.h"
 #include "motor_bldc/constants.h"
+#include "motor_bldc/switching.h"
 
 /* whether there is any: follows from the parameters, and is asked in every evaluation */
 static inline bool any_loss(const Unit *m) {
@@ -11,18 +12,18 @@ static inline bool any_loss(const Unit *m) {
 }
 
 /* voltage lost in the bridge: both active switches 2 R_on i; a diode V_d sgn(i) while the current freewheels, 1 - D of the
- * time, D = |v|/v_bus */
+ * time, D = |v|/v_bus; chopped, v is 0 then, and one switch and one diode conduct */
 static inline double bridge_drop(const Unit *m, double v, double i) {
   double drop = 0;
-  if (m->mosfet_R_on != 0) drop += 2 * m->mosfet_R_on * i;
+  if (m->mosfet_R_on != 0) drop += (freewheels(m) ? 1 : 2) * m->mosfet_R_on * i;
   if (m->diode_drop_V_d != 0)
     drop += m->diode_drop_V_d * positive(1 - fabs(v) / bus_voltage(m)) * sgn(i, m->diode_drop_i_0);
   return drop;
 }
 
-/* mean square of the ripple, a triangle of i_pp = v_bus D (1 - D) T/L from peak to peak: i_pp^2/12 */
+/* mean square of the ripple, a triangle of i_pp = v_bus D (1 - D) T/L from peak to peak: i_pp^2/12; chopped, the current has it */
 static inline double ripple_square(const Unit *m, double v) {
-  if (m->pwm_T == 0) return 0;
+  if (m->pwm_T == 0 || switching(m)) return 0;
   const double D = clamp(fabs(v) / bus_voltage(m), 0, 1);
   return square(bus_voltage(m) * D * (1 - D) * m->pwm_T / m->winding_L) / 12;
 }

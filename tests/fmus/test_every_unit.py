@@ -47,7 +47,7 @@ BASE = {"driven_load": {"friction.tau_C": 0.05, "friction.d": 0.02}}  # what its
 INERTIAS = {"motor_bldc": {"J_coupled": 1e-5}, "driven_load": {"J_variable": 1e-4}}  # off their lower bound
 FEATURE = {"feature1.A": 1.0, **{f"feature1.f{k}": 2 for k in (1, 2, 3, 4)}}  # u1*u2*u3*u4
 VARIANTS = {
-    "motor_bldc": [{"motor.level": 4}],
+    "motor_bldc": [{"motor.level": 4}, {"motor.level": 5}],
     "driven_load": [{"motion.source": 2}],
     "correction": [FEATURE],
 }  # settings under which other inputs feed through

@@ -150,6 +150,33 @@ def test_a_step_ends_at_an_event_in_event_mode_and_goes_on_as_without(make: Call
     assert stepped.outputs() == pytest.approx(plain.outputs(), rel=1e-6, abs=1e-9)
 
 
+def test_edges_of_the_bridges_pulses_are_events_of_the_master_too(make: Callable[..., Slave]) -> None:
+    """a period of 0.1 ms and a duty of a quarter, in steps of 0.13 ms that go on as without events"""
+    T, h = 1e-4, 1.3e-4
+    start = {"motor.level": 5, "pwm.T": T, "set_value": 6.0, "drive.i_peak": 0.0}
+    plain = make("motor_bldc").initialise(start)
+    stepped = make("motor_bldc", eventModeUsed=True, earlyReturnAllowed=True).initialise(start)
+    stepped.fmu.updateDiscreteStates()
+    stepped.fmu.enterStepMode()
+    times: list[float] = []
+    for k in range(4):
+        plain.fmu.doStep(k * h, h)
+        t, end = k * h, (k + 1) * h
+        while t < end:
+            event, _, early, last = stepped.fmu.doStep(t, end - t)
+            assert event == early
+            t = last if early else end
+            if event:
+                times.append(last)
+                stepped.fmu.enterEventMode()
+                stepped.fmu.updateDiscreteStates()
+                stepped.fmu.enterStepMode()
+        assert stepped["i"] == pytest.approx(plain["i"], abs=1e-5)
+        assert stepped["v"] == plain["v"]
+    expected = sorted([n * T for n in range(1, 6)] + [(n + x) * T for n in range(5) for x in (0.375, 0.625)])
+    assert times == pytest.approx([x for x in expected if x < 4 * h], rel=1e-12)
+
+
 def test_within_a_step_a_master_reads_sets_and_ends_it(make: Callable[..., Slave]) -> None:
     seen: list[tuple[float, float]] = []
 

@@ -185,6 +185,25 @@ def test_field_oriented_control_is_smooth(make: Make, exchange: Callable[..., Ex
     agree(signals, 1e-4)
 
 
+def test_edges_of_the_bridges_pulses_are_time_events(make: Make, exchange: Callable[..., Exchanged]) -> None:
+    T = 1e-4
+    start = {**ON, "motor.level": 5, "pwm.T": T, "w": 300.0, "drive.i_peak": 0.0}
+    unit, signals = both(
+        make, exchange, "motor_bldc", start, {"set_value": lambda t: 6.0}, 0.01, ["w", "i", "W", "rise"]
+    )
+    assert unit.happened == 0
+    agree(signals, 1e-6)
+    again = exchange("motor_bldc")
+    again.begin({**start, "set_value": 6.0}, {})
+    edges = [again.next_event]
+    for _ in range(5):
+        again.fmu.setTime(edges[-1])
+        again.fmu.enterEventMode()
+        edges.append(again.update())
+        again.fmu.enterContinuousTimeMode()
+    assert edges == pytest.approx([0.375 * T, 0.625 * T, T, 1.375 * T, 1.625 * T, 2 * T], rel=1e-12)
+
+
 def test_a_gear_that_rattles_in_its_backlash_meets_every_contact(
     make: Make, exchange: Callable[..., Exchanged]
 ) -> None:

@@ -191,7 +191,7 @@ def test_states_cannot_be_moved_once_the_unit_is_initialised(make: Make, name: s
 
 def test_choices_are_checked_and_then_fixed(make: Make, instantiate: Make) -> None:
     with pytest.raises(FMICallException):
-        instantiate("motor_bldc").set({"motor.level": 5})
+        instantiate("motor_bldc").set({"motor.level": 6})
     motor = make("motor_bldc")
     with pytest.raises(FMICallException):
         motor.set({"motor.level": 2})

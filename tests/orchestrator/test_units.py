@@ -158,7 +158,7 @@ def test_every_term_of_every_unit_starts_switched_off(fmu: Callable[[str], Path]
 
 
 def test_bounds_of_a_choice_are_its_values(fmu: Callable[[str], Path]) -> None:
-    assert load_unit(fmu("motor_bldc")).bounds_of("motor.level") == (1, 4)
+    assert load_unit(fmu("motor_bldc")).bounds_of("motor.level") == (1, 5)
 
 
 @pytest.mark.parametrize(

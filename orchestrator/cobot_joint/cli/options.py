@@ -36,7 +36,8 @@ class Changes:
         ),
     ] = None
     level: Annotated[
-        str | None, typer.Option(help="transfer_function, averaged, simscape, comprehensive or foc: the motor's model.")
+        str | None,
+        typer.Option(help="transfer_function, averaged, simscape, comprehensive, foc or switching: the motor's model."),
     ] = None
     scheme: Annotated[
         str | None, typer.Option(help="Coupling scheme, see below.", show_default="the scenario's, or adaptive")

@@ -12,7 +12,7 @@ from cobot_joint.system import System, with_parameters, with_units
 from cobot_joint.system.model import Value
 
 TRANSFER_FUNCTION = "transfer_function"  # thesis 3.2.4; the other levels are the units' own
-LEVELS = (TRANSFER_FUNCTION, "averaged", "simscape", "comprehensive", "foc")
+LEVELS = (TRANSFER_FUNCTION, "averaged", "simscape", "comprehensive", "foc", "switching")
 
 
 @dataclass(frozen=True)

@@ -124,7 +124,7 @@ def test_static_ixr_compensation_returns_the_windings_drop(make: Make) -> None:
     assert motor["i"] == pytest.approx(1.0 / (0.5 * R), rel=1e-5)
 
 
-@pytest.mark.parametrize("level", [1, 2, 4])
+@pytest.mark.parametrize("level", [1, 2, 4, 5])
 def test_without_enable_the_current_freewheels_against_the_supply(make: Make, level: int) -> None:
     motor = make("motor_bldc", {"motor.level": level, "set_value": 1.0, "phi": np.pi / 3, **HELD})
     motor.step(0.05)
@@ -160,7 +160,7 @@ def test_bias_current_follows_the_direction_that_is_chosen(
     assert motor["i"] == pytest.approx(i_ref + sign * 0.105, abs=1e-5)
 
 
-@pytest.mark.parametrize("level", [1, 2, 4])
+@pytest.mark.parametrize("level", [1, 2, 4, 5])
 @pytest.mark.parametrize("sign", [1, -1])
 def test_hall_codes_come_in_order_one_per_sixth_of_a_turn(make: Make, level: int, sign: int) -> None:
     w = sign * 2 * np.pi  # one turn per second
@@ -198,7 +198,7 @@ def test_speed_reading_ends_at_the_encoders_highest_frequency(make: Make) -> Non
     assert motor["w_reading"] == pytest.approx(2 * np.pi * 200, rel=1e-5)  # whole counts
 
 
-@pytest.mark.parametrize("level", [1, 2, 3, 4])
+@pytest.mark.parametrize("level", [1, 2, 3, 4, 5])
 def test_back_emf_below_the_supply_drives_no_current_through_the_open_bridge(make: Make, level: int) -> None:
     motor = make("motor_bldc", {"motor.level": level, "w": 500.0, "enable": False, **HELD})
     motor.step(1.0)
@@ -207,7 +207,7 @@ def test_back_emf_below_the_supply_drives_no_current_through_the_open_bridge(mak
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("level", [1, 2, 4])
+@pytest.mark.parametrize("level", [1, 2, 4, 5])
 def test_back_emf_above_the_supply_brakes_through_the_open_bridges_diodes(make: Make, level: int, sign: int) -> None:
     """averaged, foc: R i = v_bus - k w; by phases the mean over the sectors comes close to it"""
     w = 1200.0
@@ -219,7 +219,7 @@ def test_back_emf_above_the_supply_brakes_through_the_open_bridges_diodes(make: 
     assert np.all(out["tau_e"][settled] * sign <= 1e-9)
 
 
-@pytest.mark.parametrize("level", [1, 2, 4])
+@pytest.mark.parametrize("level", [1, 2, 4, 5])
 def test_motor_that_is_enabled_again_starts_afresh(make: Make, level: int) -> None:
     start = {"motor.level": level, **CURRENT_MODE, **HELD, "set_value": 2.0, "phi": np.pi / 3}
     motor = make("motor_bldc", start)

@@ -11,7 +11,7 @@ from scipy.integrate import simpson
 
 Make = Callable[..., Any]
 
-AVERAGED, SIMSCAPE, FOC = 1, 2, 4
+AVERAGED, SIMSCAPE, FOC, SWITCHING = 1, 2, 4, 5
 R, L, K, J, V_BUS = 0.209, 84.3e-6, 0.0232, 5.38e-6, 24.0
 HELD = {"rotor.J": 1e3}
 NO_FRICTION = {"friction.tau_C": 0.0, "friction.d": 0.0}
@@ -91,7 +91,7 @@ def test_ripple_of_the_current_heats_the_winding(make: Make, duty: float) -> Non
     assert make("motor_bldc", start).rate("rise") == pytest.approx(4.0 * R * i_pp**2 / 12 / 20.0, rel=1e-9, abs=1e-15)
 
 
-@pytest.mark.parametrize("level", [AVERAGED, SIMSCAPE, FOC])
+@pytest.mark.parametrize("level", [AVERAGED, SIMSCAPE, FOC, SWITCHING])
 @pytest.mark.parametrize("enable", [True, False])
 def test_what_a_braked_rotor_gives_is_in_the_bus_capacitor_or_heat(make: Make, level: int, enable: bool) -> None:
     """the bridge on: against a lower voltage; off: by its diodes, from above the supply's voltage"""

@@ -90,11 +90,14 @@ def test_level_sets_every_unit_that_has_it(tmp_path: Path) -> None:
 
 def test_three_phases_average_to_the_averaged_motor_without_load(tmp_path: Path) -> None:
     mean = {}
-    for level in ("averaged", "simscape", "foc"):
+    for level in ("averaged", "simscape", "foc", "switching"):
         table = run("no_load", tmp_path, 5.0, Options(level=level))
         mean[level] = [table[name].to_numpy()[4500:].mean() for name in ("i_motor [A]", "w_motor [rad/s]")]
     np.testing.assert_allclose(mean["simscape"], mean["averaged"], rtol=0.01)
     np.testing.assert_allclose(mean["foc"], mean["averaged"], rtol=1e-4)
+    assert mean["switching"][1] == pytest.approx(
+        mean["averaged"][1], rel=1e-3
+    )  # its current is seen at points, with ripple
 
 
 def test_transfer_function_is_refused_where_it_does_not_hold(tmp_path: Path) -> None:
@@ -104,7 +107,8 @@ def test_transfer_function_is_refused_where_it_does_not_hold(tmp_path: Path) -> 
 
 def test_unknown_level_is_refused_with_the_allowed_ones() -> None:
     with pytest.raises(
-        UserError, match="'simple' is given, transfer_function, averaged, simscape, comprehensive, foc is allowed"
+        UserError,
+        match="'simple' is given, transfer_function, averaged, simscape, comprehensive, foc, switching is allowed",
     ):
         Options(level="simple")
 

@@ -219,7 +219,7 @@ def test_back_emf_above_the_supply_brakes_through_the_open_bridges_diodes(make: 
     assert np.all(out["tau_e"][settled] * sign <= 1e-9)
 
 
-@pytest.mark.parametrize("level", [1, 2, 4, 5])
+@pytest.mark.parametrize("level", [1, 2, 4])
 def test_motor_that_is_enabled_again_starts_afresh(make: Make, level: int) -> None:
     start = {"motor.level": level, **CURRENT_MODE, **HELD, "set_value": 2.0, "phi": np.pi / 3}
     motor = make("motor_bldc", start)

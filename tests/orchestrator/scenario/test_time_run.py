@@ -95,9 +95,8 @@ def test_three_phases_average_to_the_averaged_motor_without_load(tmp_path: Path)
         mean[level] = [table[name].to_numpy()[4500:].mean() for name in ("i_motor [A]", "w_motor [rad/s]")]
     np.testing.assert_allclose(mean["simscape"], mean["averaged"], rtol=0.01)
     np.testing.assert_allclose(mean["foc"], mean["averaged"], rtol=1e-4)
-    assert mean["switching"][1] == pytest.approx(
-        mean["averaged"][1], rel=1e-3
-    )  # its current is seen at points, with ripple
+    # i is seen at points of its ripple
+    assert mean["switching"][1] == pytest.approx(mean["averaged"][1], rel=1e-3)
 
 
 def test_transfer_function_is_refused_where_it_does_not_hold(tmp_path: Path) -> None:

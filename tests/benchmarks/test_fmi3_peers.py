@@ -1,4 +1,5 @@
-"""FMI 3.0 units in an importer and a checker other than FMPy's: fmucontainer and fmutool of fmu-manipulation-toolbox.
+"""FMI 3.0 units in importers and a checker other than FMPy's: fmuloader, and fmucontainer and fmutool of
+fmu-manipulation-toolbox. fmuloader has nothing of FMPy in it.
 
 COBOT_JOINT_PEERS names the interpreter of the environment that has them (benchmarks/README.md); without it they are
 skipped.
@@ -12,6 +13,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +26,8 @@ from cobot_joint.cosim.foreign.cross_check import DURATION, STEP, write_cross_ch
 from cobot_joint.units import find_fmu, load_unit
 
 PYTHON = os.environ.get("COBOT_JOINT_PEERS", sys.executable)
-UNITS = sorted(table.parent.name for table in (Path(__file__).parents[2] / "fmus").glob("*/model.def"))
+ROOT = Path(__file__).parents[2]
+UNITS = sorted(table.parent.name for table in (ROOT / "fmus").glob("*/model.def"))
 CLOSE = 4e-3  # rms of the difference over the signal's range; inputs are held there, and linear in ours
 LATER = {  # where held inputs shift a switching in time
     ("planetary_gear", "phi_o"): 0.02, ("planetary_gear", "w_o"): 0.1, ("planetary_gear", "tau"): 0.1,
@@ -60,6 +63,34 @@ def table(path: Path) -> np.ndarray:
     return np.genfromtxt(path, delimiter=",", names=True, deletechars="")
 
 
+def alone_in_fmuloader(path: Path, kind: str, folder: Path) -> np.ndarray:
+    """What a unit answers to the signals of `write_cross_check` in the folder. Skips where fmuloader is not there."""
+    got = folder / "got.csv"
+    given = [path, kind, folder / f"{path.stem}_in.csv", STEP, DURATION, got]
+    call = [PYTHON, "-m", "benchmarks.peers.alone", "fmuloader", *map(str, given)]
+    done = subprocess.run(call, cwd=ROOT, capture_output=True, text=True, timeout=600, check=False)
+    if done.returncode == 77:
+        pytest.skip(f"fmuloader is not here: {done.stdout.strip()}")
+    assert done.returncode == 0, done.stderr[-2000:]
+    return table(got)
+
+
+def far_off(ours: np.ndarray, theirs: np.ndarray, allowed: Callable[[str], float]) -> dict[str, float]:
+    """The rms difference of signals in which it is more than this share of their range."""
+    errors = {n: np.sqrt(np.mean((ours[n] - theirs[n]) ** 2)) for n in (ours.dtype.names or ())[1:]}
+    return {name: float(error) for name, error in errors.items() if error > allowed(name) * np.ptp(ours[name])}
+
+
+@pytest.mark.parametrize("version", ["FMI 2.0", "FMI 3.0"])
+@pytest.mark.parametrize("name", UNITS)
+def test_a_unit_alone_in_fmuloader_answers_as_in_our_master(name: str, version: str, tmp_path: Path) -> None:
+    two = find_fmu(f"{name}.fmu")
+    write_cross_check(load_unit(two), tmp_path)
+    theirs = alone_in_fmuloader(fmi3(name) if version == "FMI 3.0" else two, "CoSimulation", tmp_path)
+    ours = table(tmp_path / f"{name}_ref.csv")
+    assert far_off(ours, theirs, lambda signal: LATER.get((name, signal), CLOSE)) == {}
+
+
 @pytest.mark.parametrize("name", UNITS)
 def test_a_unit_alone_in_fmucontainer_answers_as_in_our_master(name: str, tmp_path: Path) -> None:
     write_cross_check(load_unit(find_fmu(f"{name}.fmu")), tmp_path)
@@ -70,17 +101,16 @@ def test_a_unit_alone_in_fmucontainer_answers_as_in_our_master(name: str, tmp_pa
         pytest.skip(f"fmucontainer is not here: {done.stdout.strip()}")
     assert done.returncode == 0, done.stderr[-2000:]
     ours, theirs = table(tmp_path / f"{name}_ref.csv"), table(tmp_path / "got.csv")
-    for signal in (ours.dtype.names or ())[1:]:
-        error = np.sqrt(np.mean((ours[signal] - theirs[signal]) ** 2))
-        assert error <= LATER.get((name, signal), CLOSE) * np.ptp(ours[signal]), signal
+    assert far_off(ours, theirs, lambda signal: LATER.get((name, signal), CLOSE)) == {}
 
 
-def test_the_joint_of_fmi_3_units_couples_in_fmucontainer(tmp_path: Path) -> None:
+@pytest.mark.parametrize("importer", ["fmucontainer", "fmuloader_loop"])
+def test_the_joint_of_fmi_3_units_couples_as_that_of_fmi_2_units(importer: str, tmp_path: Path) -> None:
     step, end = 1e-3, 8.0  # s; the load comes on
     try:
-        peer = Peer("fmucontainer", PYTHON)
+        peer = Peer(importer, PYTHON)
     except Absent as why:
-        pytest.skip(f"fmucontainer is not here: {why}")
+        pytest.skip(f"{importer} is not here: {why}")
     try:
         inputs = bench.table_of(bench.inputs(), end)
         two = bench.wiring(bench.joint(), tmp_path, step, inputs)

@@ -83,6 +83,17 @@ static void xml_bool(int i) {
   printf("/>\n");
 }
 
+/* FMI 3.0, 2.4.8: what turns positive where the unit has an event is a variable */
+static void xml_indicators(void) {
+  int reference = FMI3_INDICATOR;
+#define EVENT(name, text)                                                                                              \
+  variable("Float64", "", "z_" #name, reference++, "positive where " text);                                            \
+  kind("local", "continuous", "calculated");                                                                           \
+  printf("/>\n");
+#include "core/rows.h"
+  (void)reference;
+}
+
 static const Numbering FMI3_NUMBERING = {.attribute = "valueReference",
                                          .output = "Output",
                                          .derivative = "ContinuousStateDerivative",
@@ -91,6 +102,12 @@ static const Numbering FMI3_NUMBERING = {.attribute = "valueReference",
                                          .integer = FMI3_INTEGER,
                                          .boolean = FMI3_BOOLEAN,
                                          .first_derivative = FIRST_DER};
+
+static void xml_model_exchange(void) {
+  printf("  <ModelExchange modelIdentifier=\"%s\" canGetAndSetFMUState=\"true\" canSerializeFMUState=\"true\""
+         " providesDirectionalDerivatives=\"true\" needsCompletedIntegratorStep=\"false\"/>\n",
+         UNIT_NAME);
+}
 
 /* event mode: in units that have events */
 static void xml_cosimulation(void) {
@@ -110,6 +127,7 @@ static int xml_fmi3(const char *version) {
   printf(" author=\"the cobot-joint developers\" version=\"%s\" license=\"BSD-2-Clause\""
          " generationTool=\"cobot-joint\" variableNamingConvention=\"structured\">\n",
          version);
+  if (!SAMPLES_AT_STEPS) xml_model_exchange();
   xml_cosimulation();
   int bad = xml_units();
   xml_types();
@@ -122,10 +140,13 @@ static int xml_fmi3(const char *version) {
   for (int i = 1; i < N_INTEGER; i++) xml_int32_or_enumeration(i);
   for (int i = 1; i < N_BOOLEAN; i++) xml_bool(i);
   for (int i = 0; i < N_X; i++) xml_derivative_float(i);
+  if (!SAMPLES_AT_STEPS) xml_indicators();
   printf("  </ModelVariables>\n  <ModelStructure>\n");
   bad |= xml_outputs(by);
   xml_derivatives(by, by->derivative);
   xml_initial_unknowns(by);
+  for (int k = 0; k < N_EVENT && !SAMPLES_AT_STEPS; k++)
+    printf("      <EventIndicator valueReference=\"%d\"/>\n", FMI3_INDICATOR + k);
   printf("  </ModelStructure>\n  <Annotations>\n    <Annotation type=\"cobot-joint\">");
   xml_physics();
   printf("</Annotation>\n  </Annotations>\n</fmiModelDescription>\n");

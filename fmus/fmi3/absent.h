@@ -110,16 +110,7 @@ fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance) { CALL(ANY, not_off
 fmi3Status fmi3ExitConfigurationMode(fmi3Instance instance) { CALL(ANY, not_offered(instance)); }
 fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance) { CALL(ANY, not_offered(instance)); }
 
-/* the other two interfaces: not offered, but some importers (FMPy) want every function of the standard in a library */
-fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible,
-                                          fmi3Boolean logging, fmi3InstanceEnvironment environment,
-                                          fmi3LogMessageCallback log_message) {
-  (void)name, (void)token, (void)resources, (void)visible, (void)logging;
-  if (log_message)
-    log_message(environment, fmi3Error, "logStatusError",
-                "fmi3InstantiateModelExchange: only co-simulation is offered");
-  return NULL;
-}
+/* scheduled execution: not offered, but some importers (FMPy) want every function of the standard in a library */
 fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token, fmi3String resources,
                                                fmi3Boolean visible, fmi3Boolean logging,
                                                fmi3InstanceEnvironment environment, fmi3LogMessageCallback log_message,
@@ -127,43 +118,12 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token
                                                fmi3UnlockPreemptionCallback unlock) {
   (void)name, (void)token, (void)resources, (void)visible, (void)logging, (void)clock_update, (void)lock, (void)unlock;
   if (log_message)
-    log_message(environment, fmi3Error, "logStatusError",
-                "fmi3InstantiateScheduledExecution: only co-simulation is offered");
+    log_message(environment, fmi3Error, "logStatusError", "fmi3InstantiateScheduledExecution: not offered");
   return NULL;
 }
 fmi3Status fmi3ActivateModelPartition(fmi3Instance instance, fmi3ValueReference clock, fmi3Float64 time) {
   (void)clock, (void)time;
   CALL(ANY, not_offered(instance));
 }
-fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance) { CALL(ANY, not_offered(instance)); }
-fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean no_rollback, fmi3Boolean *event,
-                                       fmi3Boolean *terminate) {
-  (void)no_rollback, (void)event, (void)terminate;
-  CALL(ANY, not_offered(instance));
-}
-fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time) {
-  (void)time;
-  CALL(ANY, not_offered(instance));
-}
-fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 value[], size_t n) {
-  (void)value, (void)n;
-  CALL(ANY, not_offered(instance));
-}
-#define NO_CONTINUOUS(name)                                                                                            \
-  fmi3Status name(fmi3Instance instance, fmi3Float64 value[], size_t n) {                                              \
-    (void)value, (void)n;                                                                                              \
-    CALL(ANY, not_offered(instance));                                                                                  \
-  }
-NO_CONTINUOUS(fmi3GetContinuousStateDerivatives)
-NO_CONTINUOUS(fmi3GetEventIndicators)
-NO_CONTINUOUS(fmi3GetContinuousStates)
-NO_CONTINUOUS(fmi3GetNominalsOfContinuousStates)
-#define NO_NUMBER(name)                                                                                                \
-  fmi3Status name(fmi3Instance instance, size_t *n) {                                                                  \
-    (void)n;                                                                                                           \
-    CALL(ANY, not_offered(instance));                                                                                  \
-  }
-NO_NUMBER(fmi3GetNumberOfEventIndicators)
-NO_NUMBER(fmi3GetNumberOfContinuousStates)
 
 #endif

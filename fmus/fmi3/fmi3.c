@@ -1,5 +1,6 @@
 /* FMI 3.0 for co-simulation: the core's functions by the names and types of the standard; event mode, intermediate update and
- * early return are the core's watch on a step. What no unit has (clocks, arrays, strings) is in absent.h.
+ * early return are the core's watch on a step. Model exchange is in exchange.h, what no unit has (clocks, arrays, strings) in
+ * absent.h.
  * One translation unit per FMU: EQUATIONS names the unit's equations.c, MODEL_DEF its table, UNIT_GUID is its GUID. */
 #include <limits.h>
 
@@ -13,6 +14,7 @@ typedef struct {
   fmi3LogMessageCallback log_message;
   fmi3IntermediateUpdateCallback intermediate_update;
   bool logging, event_mode, early_return;
+  bool exchange; /* model exchange: the master integrates */
 } Fmi3Instance;
 
 static void fmi3_log(const Instance *core, Status status, const char *category, const char *text) {
@@ -26,7 +28,8 @@ static void fmi3_log(const Instance *core, Status status, const char *category, 
   if (n_values != (n)) FAIL(c, "%u values for %u scalar variables", (unsigned)n_values, (unsigned)(n))
 enum {
   FMI3_SETTABLE = INSTANTIATED | INITIALIZATION | STEPPING | EVENT | INTERMEDIATE,
-  FMI3_SOLVED = STEPPING | TERMINATED | EVENT
+  FMI3_SOLVED = STEPPING | TERMINATED | EVENT,
+  FMI3_EXCHANGED = EVENT | CONTINUOUS
 };
 
 const char *fmi3GetVersion(void) { return fmi3Version; }
@@ -75,23 +78,30 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean tolera
 
 static Status initialized(Fmi3Instance *c) {
   const Status status = end_initialization(&c->core);
-  return status == OK && c->event_mode ? go(&c->core, EVENT) : status;
+  return status == OK && (c->event_mode || c->exchange) ? go(&c->core, EVENT) : status;
 }
 fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) { CALL(INITIALIZATION, initialized(instance)); }
-fmi3Status fmi3Terminate(fmi3Instance instance) { CALL(STEPPING | EVENT, go(instance, TERMINATED)); }
+fmi3Status fmi3Terminate(fmi3Instance instance) { CALL(STEPPING | FMI3_EXCHANGED, go(instance, TERMINATED)); }
 fmi3Status fmi3Reset(fmi3Instance instance) { CALL(ANY, reset(instance)); }
 
 /* ---- variables ------------------------------------------------------------------------------------------------- */
+static inline bool is_indicator(Reference vr) { return vr >= FMI3_INDICATOR && vr < FMI3_INDICATOR + N_EVENT; }
+static double indicator(Instance *c, Reference vr) {
+  double z[N_EVENT1] = {0};
+  if (c->phase & ~(INSTANTIATED | FAILED)) get_event_indicators(c, z, N_EVENT);
+  return z[vr - FMI3_INDICATOR];
+}
 static Status get_floats(Instance *c, const Reference vr[], size_t n, double value[], size_t n_values) {
   VALUES(n);
   if (n > 0) NEEDS_POINTER(vr);
   if (n > 0) NEEDS_POINTER(value);
   for (size_t i = 0; i < n; i++)
-    if (vr[i] >= N_REAL && vr[i] != FMI3_TIME)
-      FAIL(c, "value reference %u is no Float64 variable; they go from 0 to %d, and %d is time", vr[i], N_REAL - 1,
-           FMI3_TIME);
+    if (vr[i] >= N_REAL && vr[i] != FMI3_TIME && !is_indicator(vr[i]))
+      FAIL(c, "value reference %u is no Float64 variable; they go from 0 to %d, %d is time, indicators follow %d",
+           vr[i], N_REAL - 1, FMI3_TIME, FMI3_INDICATOR - 1);
   const Status status = bring_up_to_date(c);
-  for (size_t i = 0; status == OK && i < n; i++) value[i] = vr[i] == FMI3_TIME ? c->unit.time : reals(&c->unit)[vr[i]];
+  for (size_t i = 0; status == OK && i < n; i++)
+    value[i] = vr[i] == FMI3_TIME ? c->unit.time : is_indicator(vr[i]) ? indicator(c, vr[i]) : reals(&c->unit)[vr[i]];
   return status;
 }
 static Status set_floats(Instance *c, const Reference vr[], size_t n, const double value[], size_t n_values) {
@@ -104,7 +114,7 @@ fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], 
 }
 fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const fmi3Float64 value[],
                           size_t n_values) {
-  CALL(FMI3_SETTABLE, set_floats(instance, vr, n, value, n_values));
+  CALL(FMI3_SETTABLE | CONTINUOUS, set_floats(instance, vr, n, value, n_values));
 }
 
 typedef enum { IS_INT32, IS_ENUMERATION, IS_BOOLEAN } DiscreteType;
@@ -217,18 +227,29 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 t, fmi3Float64 h, fmi3B
 }
 
 static Status enter_event_mode(Fmi3Instance *c) {
-  if (!c->event_mode) FAIL(&c->core, "the unit was instantiated without event mode");
+  if (c->core.phase == STEPPING && !c->event_mode) FAIL(&c->core, "the unit was instantiated without event mode");
   return go(&c->core, EVENT);
 }
-fmi3Status fmi3EnterEventMode(fmi3Instance instance) { CALL(STEPPING, enter_event_mode(instance)); }
-fmi3Status fmi3EnterStepMode(fmi3Instance instance) { CALL(EVENT, go(instance, STEPPING)); }
+fmi3Status fmi3EnterEventMode(fmi3Instance instance) { CALL(STEPPING | CONTINUOUS, enter_event_mode(instance)); }
 
-static Status update_discrete(Instance *c, fmi3Boolean *again, fmi3Boolean *terminate, fmi3Boolean *nominals,
+static Status enter_step_mode(Fmi3Instance *c) {
+  if (c->exchange) FAIL(&c->core, "only for co-simulation");
+  return go(&c->core, STEPPING);
+}
+fmi3Status fmi3EnterStepMode(fmi3Instance instance) { CALL(EVENT, enter_step_mode(instance)); }
+
+static Status update_discrete(Fmi3Instance *c, fmi3Boolean *again, fmi3Boolean *terminate, fmi3Boolean *nominals,
                               fmi3Boolean *states, fmi3Boolean *next_defined, fmi3Float64 *next) {
-  if (!again || !terminate || !nominals || !states || !next_defined || !next) FAIL(c, "a pointer to a result is NULL");
+  Instance *core = &c->core;
+  if (!again || !terminate || !nominals || !states || !next_defined || !next)
+    FAIL(core, "a pointer to a result is NULL");
   *again = *terminate = *nominals = *next_defined = fmi3False;
   *next = INFINITY;
-  return update_discrete_states(c, states);
+  if (!c->exchange) return update_discrete_states(core, states);
+  const Status status = new_discrete_states(core, states);
+  *next = next_time_event(core);
+  *next_defined = isfinite(*next);
+  return status;
 }
 fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *again, fmi3Boolean *terminate,
                                     fmi3Boolean *nominals, fmi3Boolean *states, fmi3Boolean *next_defined,
@@ -239,6 +260,7 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *again, f
 static Status get_output_derivatives(Instance *c, const Reference vr[], size_t n, const int order[], double value[],
                                      size_t n_values) {
   VALUES(n);
+  if (((Fmi3Instance *)c)->exchange) FAIL(c, "only for co-simulation");
   return output_derivatives(c, vr, n, order, value);
 }
 fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueReference vr[], size_t n,
@@ -257,13 +279,21 @@ static Status get_directional_derivative(Instance *c, const Reference unknown[],
 fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueReference unknown[], size_t n_unknown,
                                         const fmi3ValueReference known[], size_t n_known, const fmi3Float64 seed[],
                                         size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity) {
-  CALL(INITIALIZATION | FMI3_SOLVED, get_directional_derivative(instance, unknown, n_unknown, known, n_known, seed,
-                                                                n_seed, sensitivity, n_sensitivity));
+  CALL(INITIALIZATION | FMI3_SOLVED | CONTINUOUS,
+       get_directional_derivative(instance, unknown, n_unknown, known, n_known, seed, n_seed, sensitivity,
+                                  n_sensitivity));
 }
 
 /* ---- states ---------------------------------------------------------------------------------------------------- */
 fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *state) { CALL(ANY, get_state(instance, state)); }
-fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState state) { CALL(ANY, set_state(instance, state)); }
+static Status set_own_state3(Fmi3Instance *c, const Snapshot *state) {
+  /* an event is one of either kind, but for an instance without event mode */
+  const int others = c->exchange ? STEPPING | STOPPED_SHORT : c->event_mode ? CONTINUOUS : FMI3_EXCHANGED;
+  if (state && is_state(state) && state->phase & others)
+    FAIL(&c->core, "this state is of an instance for %s", c->exchange ? "co-simulation" : "model exchange");
+  return set_state(&c->core, state);
+}
+fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState state) { CALL(ANY, set_own_state3(instance, state)); }
 fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState *state) { CALL(ANY, free_state(state)); }
 fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState state, size_t *size) {
   CALL(ANY, serialized_size(instance, state, size));
@@ -274,6 +304,8 @@ fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState state, fmi3
 fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte bytes[], size_t size, fmi3FMUState *state) {
   CALL(ANY, deserialize_state(instance, bytes, size, state));
 }
+
+#include "fmi3/exchange.h"
 
 #include "fmi3/absent.h"
 #undef CALL

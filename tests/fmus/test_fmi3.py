@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import subprocess
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -11,7 +12,7 @@ import fmpy
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi3 import FMU3Slave
+from fmpy.fmi3 import FMU3Model, FMU3Slave
 from fmpy.validation import validate_fmu
 
 from cobot_joint.units import Unit, find_fmu
@@ -32,11 +33,13 @@ def fmi3(name: str) -> Path:
 class Slave:
     """An instance of a unit; names of variables in place of references."""
 
+    KIND: Any = FMU3Slave
+
     def __init__(self, name: str, folder: Path, **setup: Any) -> None:
         self.description = fmpy.read_model_description(str(fmi3(name)))
         self.variables = {v.name: v for v in self.description.modelVariables}
         self.log: list[str] = []
-        self.fmu = FMU3Slave(
+        self.fmu = self.KIND(
             guid=self.description.instantiationToken, modelIdentifier=name, instanceName=name,
             unzipDirectory=fmpy.extract(str(fmi3(name)), unzipdir=str(folder / name)),
         )  # fmt: skip
@@ -62,12 +65,18 @@ class Slave:
         return [self[v.name] for v in self.variables.values() if v.causality == "output"]
 
 
+class Model(Slave):
+    """The same for model exchange."""
+
+    KIND = FMU3Model
+
+
 @pytest.fixture
 def make(tmp_path: Path) -> Iterator[Callable[..., Slave]]:
     made = []
 
-    def instantiate(name: str, **setup: Any) -> Slave:
-        made.append(Slave(name, tmp_path / str(len(made)), **setup))
+    def instantiate(name: str, kind: type[Slave] = Slave, **setup: Any) -> Slave:
+        made.append(kind(name, tmp_path / str(len(made)), **setup))
         return made[-1]
 
     yield instantiate
@@ -101,10 +110,15 @@ def test_fmpy_simulates_it_to_the_bit_like_the_fmi_2_unit(name: str) -> None:
         np.testing.assert_array_equal(two[signal], three[signal], err_msg=signal)
 
 
-def test_it_has_the_variables_of_the_fmi_2_unit_and_time(load: Load, name: str) -> None:
-    two = load(name).variables
+def test_it_has_the_variables_of_the_fmi_2_unit_time_and_event_indicators(load: Load, name: str) -> None:
+    unit = load(name)
+    two = unit.variables
     three = {v.name: v for v in fmpy.read_model_description(str(fmi3(name))).modelVariables}
-    assert list(three) == ["time", *two]
+    indicators = list(three)[1 + len(two) :]
+    assert list(three)[: 1 + len(two)] == ["time", *two]
+    assert all(indicator.startswith("z_") for indicator in indicators)
+    exchanged = unit.description.modelExchange is not None
+    assert len(indicators) == (unit.description.numberOfEventIndicators if exchanged else 0)
     for key, v in two.items():
         assert (v.causality, v.variability, v.unit) == (three[key].causality, three[key].variability, three[key].unit)
         if v.start is not None:
@@ -257,6 +271,88 @@ def test_an_outputs_derivative_is_its_slope(make: Callable[..., Slave]) -> None:
     slave.fmu.doStep(0.01, 1e-6)
     assert slope == pytest.approx((slave["w"] - before) / 1e-6, rel=1e-3)
     assert slope == pytest.approx(slave["der(w)"], rel=1e-3)
+
+
+def exchanged(path: Path) -> np.ndarray:
+    """Integrated by FMPy's CVode, what is not driven, which FMPy does not apply to derivatives."""
+    reals = [v for v in fmpy.read_model_description(str(path)).modelVariables if v.type in ("Real", "Float64")]
+    start = {v.name: 0.3 * float(v.nominal) for v in reals if v.causality == "input" and not v.name.startswith("J_")}
+    return fmpy.simulate_fmu(
+        str(path), fmi_type="ModelExchange", stop_time=0.05, output_interval=1e-3, start_values=start,
+        output=[v.name for v in reals if v.causality == "output"], relative_tolerance=1e-8, record_events=False,
+    )  # fmt: skip
+
+
+def test_fmpy_integrates_it_to_the_bit_like_the_fmi_2_unit(load: Load, name: str) -> None:
+    if load(name).description.modelExchange is None:
+        assert name == "acquisition"
+        pytest.skip("the logger takes its samples at communication points")
+    two, three = exchanged(find_fmu(f"{name}.fmu")), exchanged(fmi3(name))
+    for signal in two.dtype.names:
+        np.testing.assert_array_equal(two[signal], three[signal], err_msg=signal)
+
+
+def vector(read: Callable[[Any, int], None], n: int) -> list[float]:
+    values = (ctypes.c_double * n)()
+    read(values, n)
+    return list(values)
+
+
+def test_event_indicators_are_variables(make: Callable[..., Slave]) -> None:
+    gear = make("planetary_gear", Model).initialise({"backlash.b_x": 0.01})
+    names = [v for v in gear.variables if v.startswith("z_")]
+    assert vector(gear.fmu.getEventIndicators, len(names)) == [gear[v] for v in names]
+    assert gear["z_touch_front"] < 0.0
+    with pytest.raises(FMICallException):
+        gear.set({"z_touch_front": 1.0})
+
+
+def test_what_the_drive_samples_is_a_time_event(make: Callable[..., Slave]) -> None:
+    motor = make("motor_bldc", Model).initialise()
+    defined, time = motor.fmu.updateDiscreteStates()[4:]
+    assert defined
+    assert time == pytest.approx(1e-3)
+
+
+@pytest.mark.parametrize("call", ["enterStepMode", "doStep", "getOutputDerivatives"])
+def test_calls_of_co_simulation_are_errors_in_model_exchange(make: Callable[..., Slave], call: str) -> None:
+    motor = make("motor_bldc", Model).initialise()
+    reference, zero, one = ctypes.c_uint32(0), ctypes.c_double(0.0), ctypes.c_size_t(1)
+    arguments = {
+        "enterStepMode": (),
+        "doStep": (zero, ctypes.c_double(1e-3), False, *(ctypes.byref(ctypes.c_double()) for _ in range(4))),
+        "getOutputDerivatives": (
+            ctypes.byref(reference),
+            one,
+            ctypes.byref(ctypes.c_int32(1)),
+            ctypes.byref(zero),
+            one,
+        ),
+    }[call]
+    function = motor.fmu.dll[f"fmi3{call[0].upper()}{call[1:]}"]
+    assert function(ctypes.c_void_p(motor.fmu.component), *arguments) == 3
+    assert motor.log[-1].startswith(f"fmi3{call[0].upper()}{call[1:]}: ")
+
+
+def test_calls_of_model_exchange_are_errors_in_co_simulation(make: Callable[..., Slave]) -> None:
+    gear = make("planetary_gear", eventModeUsed=True).initialise()
+    for call, arguments in {"SetTime": (ctypes.c_double(0.0),), "EnterContinuousTimeMode": ()}.items():
+        assert gear.fmu.dll[f"fmi3{call}"](ctypes.c_void_p(gear.fmu.component), *arguments) == 3
+        assert gear.log[-1] == f"fmi3{call}: only for model exchange"
+        gear.fmu.reset()
+        gear.initialise()
+
+
+def test_a_state_of_one_kind_of_instance_is_refused_by_the_other(make: Callable[..., Slave]) -> None:
+    stepped, integrated = make("planetary_gear").initialise(), make("planetary_gear", Model).initialise()
+    for one, other in ((stepped, integrated), (integrated, stepped)):
+        state = one.fmu.getFMUState()
+        one.fmu.setFMUState(state)
+        with pytest.raises(FMICallException):
+            other.fmu.setFMUState(state)
+        one.fmu.freeFMUState(state)
+        other.fmu.reset()
+        other.initialise()
 
 
 def test_its_sources_compile_without_those_of_fmi_2(compiler: str, tmp_path: Path, name: str) -> None:

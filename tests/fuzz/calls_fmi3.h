@@ -1,4 +1,4 @@
-/* FMI 3.0: what sequences.c draws from. */
+/* FMI 3.0: what sequences.c draws from. EXCHANGE: of model exchange. */
 #define FMI(name) fmi3##name
 #define GetState fmi3GetFMUState
 #define SetState fmi3SetFMUState
@@ -21,7 +21,8 @@ static void values(Sequence *s, void *c) {
   double *x = malloc(counted * sizeof *x), *seed = malloc(counted * sizeof *seed); /* no longer than the unit is told */
   for (size_t k = 0; k < counted; k++) x[k] = any_value(s), seed[k] = any_value(s);
   for (size_t k = 0; k < 4; k++) {
-    vr[k] = any_of(s, FIRST_DER + N_STATE + 1), discrete[k] = FMI3_INTEGER + any_of(s, N_INTEGER + N_BOOLEAN);
+    vr[k] = below(s, 9) ? any_of(s, FIRST_DER + N_STATE + 1) : FMI3_INDICATOR + any_of(s, N_EVENT + 1);
+    discrete[k] = FMI3_INTEGER + any_of(s, N_INTEGER + N_BOOLEAN);
     n[k] = (int)below(s, 7) - 3, order[k] = (int)below(s, 4) - 1, b[k] = below(s, 2) == 0;
     choice[k] = below(s, 4) ? n[k] : (fmi3Int64)(draw(s) << 11);
   }
@@ -54,6 +55,51 @@ static void look_within(fmi3InstanceEnvironment environment, fmi3Float64 t, fmi3
   *end = !below(s, 20), *end_time = below(s, 2) ? t : any_value(s);
 }
 
+#ifdef EXCHANGE
+static void *instantiate(Sequence *s) {
+  return fmi3InstantiateModelExchange("fuzzed", UNIT_GUID, NULL, 0, below(s, 2), s, logger);
+}
+
+static void initialise(void *c) {
+  fmi3EnterInitializationMode(c, 0, 0, 0, 0, 0), fmi3ExitInitializationMode(c);
+  fmi3EnterContinuousTimeMode(c);
+}
+
+static void enter_mode(Sequence *s, void *c) {
+  fmi3Boolean b[5];
+  double next;
+  switch (below(s, 4)) {
+    case 0: fmi3EnterEventMode(c); break;
+    case 1: fmi3UpdateDiscreteStates(c, &b[0], &b[1], &b[2], &b[3], &b[4], &next); break;
+    case 2: fmi3EnterStepMode(c); break;
+    default: fmi3EnterContinuousTimeMode(c); break;
+  }
+}
+
+static size_t about(Sequence *s, size_t n) { return below(s, 60) ? n : below(s, (unsigned)n + 1); }
+
+/* Euler's, and event mode behind it; lengths are wrong now and then */
+static int step(Sequence *s, int i, double t, double h) {
+  void *c = s->c[i];
+  double x[N_X + 1], der[N_X + 1], z[N_EVENT + 1], next;
+  fmi3Boolean enter = 0, terminate = 0, b[5];
+  int status = (int)fmi3SetTime(c, t + h);
+  status |= (int)fmi3GetContinuousStateDerivatives(c, der, about(s, N_X));
+  status |= (int)fmi3GetContinuousStates(c, x, about(s, N_X));
+  for (int k = 0; status == OK && k < N_X; k++) x[k] += below(s, 50) ? h * der[k] : any_value(s);
+  if (status == OK) status = (int)fmi3SetContinuousStates(c, x, about(s, N_X));
+  status |= (int)fmi3GetEventIndicators(c, z, about(s, N_EVENT));
+  status |= (int)fmi3CompletedIntegratorStep(c, 1, &enter, &terminate);
+  if (status == OK && below(s, 3) == 0) {
+    fmi3EnterEventMode(c), values(s, c);
+    status = (int)fmi3UpdateDiscreteStates(c, &b[0], &b[1], &b[2], &b[3], &b[4], &next);
+    status |= (int)fmi3EnterContinuousTimeMode(c);
+  }
+  if (below(s, 10) == 0) fmi3GetNominalsOfContinuousStates(c, x, about(s, N_X));
+  if (status == OK) s->time[i] = t + h;
+  return status;
+}
+#else
 static void *instantiate(Sequence *s) {
   const bool events = N_EVENT > 0 && below(s, 2);
   return fmi3InstantiateCoSimulation("fuzzed", UNIT_GUID, NULL, 0, below(s, 2), events, below(s, 2), NULL, 0, s, logger,
@@ -88,6 +134,8 @@ static int step(Sequence *s, int i, double t, double h) {
   }
   return (int)status;
 }
+
+#endif
 
 static int set_up(Sequence *s, void *c, double start) {
   return (int)fmi3EnterInitializationMode(c, below(s, 2) == 0, fabs(any_value(s)), start, below(s, 2) == 0,

@@ -6,12 +6,14 @@ import logging
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
 
 from cobot_joint.api import run
 from cobot_joint.cosim import Experiment, SimulationError, simulate
+from cobot_joint.cosim.foreign.step_choice import choose_step, relative_changes, richardson
 from cobot_joint.results.result import Result
 from cobot_joint.scenario.model import TimeScenario, load_scenario
 from cobot_joint.system import Inputs, System, load_system, with_units
@@ -51,6 +53,42 @@ def test_the_default_coupling_of_a_foreign_gear_converges(
     """held inputs that are fed through lag: the mesh read -0.38 for +0.41 N.m, the current 0.06 for 0.31 A"""
     result = simulate(joint(foreign_gear(**can)), loaded())
     assert furthest(result, exact) < (0.01 if can != {"canHandleVariableCommunicationStepSize": False} else 0.2)
+
+
+@pytest.mark.parametrize("can", [{}, {"canInterpolateInputs": True}])
+@pytest.mark.parametrize("step", [5e-4, 2.5e-4, 1.25e-4])
+def test_the_estimated_error_of_a_step_is_its_error(foreign_gear: MakeGear, can: dict[str, bool], step: float) -> None:
+    """twice what halving changes, as for first order, is 0.9 to 1.7 times the error here"""
+    drive = Inputs(np.array([0.0, 0.1]), {"v_command": np.array([0.0, 12.0])})
+    start = Experiment(drive, 0.3, scheme="gauss_seidel_extrapolated")
+    system = joint(foreign_gear(**can))
+    coarse, fine, finest, exact = (simulate(system, replace(start, step=step / k)) for k in (1, 2, 4, 32))
+    nominal = dict.fromkeys(exact.signals, 0.0)
+    changes, again = relative_changes(coarse, fine, nominal), relative_changes(fine, finest, nominal)
+    error = max(relative_changes(coarse, exact, nominal).values())
+    assert 0.99 * error < richardson(changes, again)[0] < 1.35 * error
+
+
+class Errs(dict[str, np.ndarray]):
+    """A run whose signal is off by `error` times its size."""
+
+    def __init__(self, error: float) -> None:
+        super().__init__(y=np.ones(10) + error)
+
+    @property
+    def signals(self) -> Errs:
+        return self
+
+
+@pytest.mark.parametrize("order", [0.6, 1.0, 2.0, 3.0])
+@pytest.mark.parametrize("at_longest", [1e-3, 9e-3, 0.02, 0.1])
+def test_the_longest_step_that_errs_by_a_hundredth_is_chosen(order: float, at_longest: float) -> None:
+    def error(step: float) -> float:
+        return at_longest * (step / 1e-3) ** order
+
+    step = choose_step(lambda h: cast("Result", Errs(error(h))), 1e-3, {"y": 1.0})
+    assert error(step) <= 0.01 * 1.05
+    assert step == 1e-3 or error(2 * step) > 0.01 * 0.7  # its size changes with its error, and order 3 is taken for 2
 
 
 def test_what_does_not_converge_is_said(foreign_gear: MakeGear, caplog: pytest.LogCaptureFixture) -> None:

@@ -191,3 +191,24 @@ fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind kind, fmi2S
   UNUSED(c), UNUSED(kind), UNUSED(value);
   return fmi2Discard;
 }
+
+/* model exchange is not offered, but fmuloader wants every function of the standard in a library */
+fmi2Status fmi2EnterEventMode(fmi2Component c) { return UNUSED(c), fmi2Error; }
+fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) { return UNUSED(c), fmi2Error; }
+fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info) { return UNUSED(c), UNUSED(info), fmi2Error; }
+fmi2Status fmi2SetTime(fmi2Component c, fmi2Real t) { return UNUSED(c), UNUSED(t), fmi2Error; }
+fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean no_rollback, fmi2Boolean *event,
+                                       fmi2Boolean *terminate) {
+  return UNUSED(c), UNUSED(no_rollback), UNUSED(event), UNUSED(terminate), fmi2Error;
+}
+fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t n) {
+  return UNUSED(c), UNUSED(x), UNUSED(n), fmi2Error;
+}
+#define NO_VECTOR(name)                                                                                                \
+  fmi2Status name(fmi2Component c, fmi2Real value[], size_t n) {                                                       \
+    return UNUSED(c), UNUSED(value), UNUSED(n), fmi2Error;                                                             \
+  }
+NO_VECTOR(fmi2GetDerivatives)
+NO_VECTOR(fmi2GetEventIndicators)
+NO_VECTOR(fmi2GetContinuousStates)
+NO_VECTOR(fmi2GetNominalsOfContinuousStates)

@@ -1,4 +1,6 @@
-"""FMI4j, a library for Java: the loop of `Fmi4jLoop.java`, compiled as it starts; its jars are in COBOT_JOINT_JARS."""
+"""FMI4j, a library for Java: the loop of `Fmi4jLoop.java` and the integration of `Fmi4jExchange.java`, compiled as they
+start; their jars are in COBOT_JOINT_JARS.
+"""
 
 import os
 import shutil
@@ -9,9 +11,10 @@ import fmpy
 import numpy as np
 
 from benchmarks.peers import GAUSS_SEIDEL, JACOBI, Absent, Run, Wiring
+from benchmarks.peers.alone import Table, Task
 
 JARS = Path(os.environ.get("COBOT_JOINT_JARS", "")).absolute()
-LOOP = Path(__file__).with_name("Fmi4jLoop.java")
+LOOP, EXCHANGE = (Path(__file__).with_name(f"Fmi4j{name}.java") for name in ("Loop", "Exchange"))
 if shutil.which("javac") is None:
     raise Absent("Java's compiler")
 if not (JARS / "compile/fmi-import.jar").is_file():
@@ -32,11 +35,24 @@ def run(wiring: Wiring, folder: Path) -> Run:
     ]
     lines += [("record", unit, references[unit][output]) for unit, output in wiring.outputs.values()]
     lines.append(("run", wiring.step, wiring.steps, wiring.scheme))
+    said, results = _java(LOOP, lines, folder)
+    table = np.fromfile(results, dtype=">f8").astype(float).reshape(wiring.steps, len(wiring.outputs))
+    return Run(float(said.split()[-1]), dict(zip(wiring.outputs, table.T, strict=True)))
+
+
+def alone(task: Task) -> Table:
+    if task.kind != "ModelExchange":
+        raise ValueError(f"{task.kind}: ModelExchange is allowed, {LOOP.name} steps units")
+    _, results = _java(EXCHANGE, task.lines(), task.folder)
+    return np.fromfile(results, dtype="<f8").astype(float).reshape(task.steps + 1, -1)
+
+
+def _java(program: Path, lines: list[tuple[object, ...]], folder: Path) -> tuple[str, Path]:
+    """What it prints, and its file of results."""
     given, results = folder / "fmi4j.txt", folder / "fmi4j.bin"
     given.write_text("".join("\t".join(map(str, line)) + "\n" for line in lines))
-    call = ["java", "-cp", f"{JARS}/compile/*:{JARS}/runtime/*", str(LOOP), str(given), str(results)]
+    call = ["java", "-cp", f"{JARS}/compile/*:{JARS}/runtime/*", str(program), str(given), str(results)]
     done = subprocess.run(call, capture_output=True, text=True, cwd=folder)
     if done.returncode:
         raise RuntimeError(f"FMI4j: {(done.stderr or done.stdout)[-2000:]}")
-    table = np.fromfile(results, dtype=">f8").astype(float).reshape(wiring.steps, len(wiring.outputs))
-    return Run(float(done.stdout.split()[-1]), dict(zip(wiring.outputs, table.T, strict=True)))
+    return done.stdout, results

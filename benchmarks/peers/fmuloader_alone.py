@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from benchmarks.peers.alone import Table, Task
 from benchmarks.peers.fmuloader_loop import Unit
 
-PARTS, HALVINGS = 4, 40  # of a step; of an interval in which an event is
+PARTS, HALVINGS = 2, 40  # of a step; of an interval in which an event is
 
 
 class Inputs:

@@ -9,7 +9,17 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-PEERS = ["fmpy_loop", "libcosim", "ecos", "cofmupy_loop", "maestro", "fmi4j", "fmucontainer", "fmuloader_loop"]
+PEERS = [
+    "fmpy_loop",
+    "libcosim",
+    "ecos",
+    "cofmupy_loop",
+    "maestro",
+    "fmi4j",
+    "fmucontainer",
+    "fmuloader_loop",
+    "fmi_rs",
+]
 
 
 JACOBI = "Jacobi"  # inputs of all units at the start of the step, held over it

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from benchmarks.peers import Absent
 
-IMPORTERS = {"fmuloader": "fmuloader_alone"}  # name -> module
+IMPORTERS = {"fmuloader": "fmuloader_alone", "FMI4j": "fmi4j", "fmi-rs": "fmi_rs"}  # name -> module
 ABSENT = 77
 Table = NDArray[np.float64]
 
@@ -86,7 +86,7 @@ def main() -> int:
     except (Absent, ImportError) as why:
         print(why)
         return ABSENT
-    times = np.arange(round(float(end) / float(step)) + 1) * float(step)
+    times: Table = np.linspace(0.0, float(end), round(float(end) / float(step)) + 1)
     with tempfile.TemporaryDirectory() as folder:
         inputs = _inputs(Path(given), times)
         task = Task(Path(path), kind, float(step), inputs, len(times) - 1, Path(folder))

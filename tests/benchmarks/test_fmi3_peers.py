@@ -1,8 +1,8 @@
-"""FMI 3.0 units in importers and a checker other than FMPy's: fmuloader, and fmucontainer and fmutool of
-fmu-manipulation-toolbox. fmuloader has nothing of FMPy in it.
+"""FMI 3.0 units, and model exchange, in importers and a checker other than FMPy's: fmuloader, fmi-rs and FMI4j, which
+have nothing of FMPy in them, and fmucontainer and fmutool of fmu-manipulation-toolbox.
 
-COBOT_JOINT_PEERS names the interpreter of the environment that has them (benchmarks/README.md); without it they are
-skipped.
+COBOT_JOINT_PEERS names the interpreter of the environment that has them, COBOT_JOINT_JARS and COBOT_JOINT_FMI_RS name
+those in Java and Rust (benchmarks/README.md); those that are missing are skipped.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import pytest
 
 from benchmarks import bench
 from benchmarks.peers import Absent
+from benchmarks.peers.alone import ABSENT
 from benchmarks.peers.client import Peer
 from cobot_joint.cosim.foreign.cross_check import DURATION, STEP, write_cross_check
 from cobot_joint.units import find_fmu, load_unit
@@ -34,6 +35,9 @@ LATER = {  # where held inputs shift a switching in time
     ("planetary_gear", "tau_g"): 0.1, ("planetary_gear", "delta"): 0.05,  # teeth that meet
     ("motor_bldc", "i_a"): 0.04, ("motor_bldc", "i_b"): 0.04, ("motor_bldc", "i_c"): 0.04,  # commutation
 }  # fmt: skip
+STEPPERS = [(name, f"FMI {version}.0") for name in ("fmuloader", "fmi-rs") for version in (2, 3)]
+INTEGRATED = 1e-4  # the same of a unit that is integrated; inputs are linear there as in ours
+SAMPLED = {"w_reading": 0.05}  # every millisecond there, at every communication point in ours
 
 IN_A_CONTAINER = """
 import json, sys
@@ -63,14 +67,14 @@ def table(path: Path) -> np.ndarray:
     return np.genfromtxt(path, delimiter=",", names=True, deletechars="")
 
 
-def alone_in_fmuloader(path: Path, kind: str, folder: Path) -> np.ndarray:
-    """What a unit answers to the signals of `write_cross_check` in the folder. Skips where fmuloader is not there."""
+def alone(importer: str, path: Path, kind: str, folder: Path) -> np.ndarray:
+    """What a unit answers to the signals of `write_cross_check` in the folder. Skips without the importer."""
     got = folder / "got.csv"
-    given = [path, kind, folder / f"{path.stem}_in.csv", STEP, DURATION, got]
-    call = [PYTHON, "-m", "benchmarks.peers.alone", "fmuloader", *map(str, given)]
+    given = [importer, path, kind, folder / f"{path.stem}_in.csv", STEP, DURATION, got]
+    call = [PYTHON, "-m", "benchmarks.peers.alone", *map(str, given)]
     done = subprocess.run(call, cwd=ROOT, capture_output=True, text=True, timeout=600, check=False)
-    if done.returncode == 77:
-        pytest.skip(f"fmuloader is not here: {done.stdout.strip()}")
+    if done.returncode == ABSENT:
+        pytest.skip(f"{importer} is not here: {done.stdout.strip()}")
     assert done.returncode == 0, done.stderr[-2000:]
     return table(got)
 
@@ -81,14 +85,30 @@ def far_off(ours: np.ndarray, theirs: np.ndarray, allowed: Callable[[str], float
     return {name: float(error) for name, error in errors.items() if error > allowed(name) * np.ptp(ours[name])}
 
 
-@pytest.mark.parametrize("version", ["FMI 2.0", "FMI 3.0"])
+@pytest.mark.parametrize(("importer", "version"), STEPPERS)
 @pytest.mark.parametrize("name", UNITS)
-def test_a_unit_alone_in_fmuloader_answers_as_in_our_master(name: str, version: str, tmp_path: Path) -> None:
+def test_a_unit_that_is_stepped_answers_as_in_our_master(
+    name: str, importer: str, version: str, tmp_path: Path
+) -> None:
     two = find_fmu(f"{name}.fmu")
     write_cross_check(load_unit(two), tmp_path)
-    theirs = alone_in_fmuloader(fmi3(name) if version == "FMI 3.0" else two, "CoSimulation", tmp_path)
+    theirs = alone(importer, fmi3(name) if version == "FMI 3.0" else two, "CoSimulation", tmp_path)
     ours = table(tmp_path / f"{name}_ref.csv")
     assert far_off(ours, theirs, lambda signal: LATER.get((name, signal), CLOSE)) == {}
+
+
+@pytest.mark.parametrize(("importer", "version"), [*STEPPERS, ("FMI4j", "FMI 2.0")])
+@pytest.mark.parametrize("name", UNITS)
+def test_a_unit_that_is_integrated_answers_as_in_co_simulation(
+    name: str, importer: str, version: str, tmp_path: Path
+) -> None:
+    two = find_fmu(f"{name}.fmu")
+    if load_unit(two).description.modelExchange is None:
+        pytest.skip(f"{name} offers no model exchange: it takes its samples at communication points")
+    write_cross_check(load_unit(two), tmp_path)
+    theirs = alone(importer, fmi3(name) if version == "FMI 3.0" else two, "ModelExchange", tmp_path)
+    ours = table(tmp_path / f"{name}_ref.csv")
+    assert far_off(ours, theirs, lambda signal: SAMPLED.get(signal, INTEGRATED)) == {}
 
 
 @pytest.mark.parametrize("name", UNITS)
@@ -104,7 +124,7 @@ def test_a_unit_alone_in_fmucontainer_answers_as_in_our_master(name: str, tmp_pa
     assert far_off(ours, theirs, lambda signal: LATER.get((name, signal), CLOSE)) == {}
 
 
-@pytest.mark.parametrize("importer", ["fmucontainer", "fmuloader_loop"])
+@pytest.mark.parametrize("importer", ["fmucontainer", "fmuloader_loop", "fmi_rs"])
 def test_the_joint_of_fmi_3_units_couples_as_that_of_fmi_2_units(importer: str, tmp_path: Path) -> None:
     step, end = 1e-3, 8.0  # s; the load comes on
     try:

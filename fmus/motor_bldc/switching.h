@@ -4,9 +4,8 @@
  *   v = 0              for the rest of the period
  *   D = v_drive(t_n)/v_dc(t_n)                                held for the period: regular sampling
  *
- * The pulse lies in the middle of its period (Holmes and Lipo 2003, Pulse Width Modulation for Power Converters:
- * symmetrical regular sampling). At its ends, in the middle of the time without voltage, the ripple crosses the mean: there
- * the drive samples the current. Edges are time events, so that none moves with communication points.
+ * That the pulse lies in the middle of its period is assumed: at the period's ends, in the middle of the time without
+ * voltage, the ripple crosses the mean, and there the drive samples the current. Edges are time events, so that none moves with communication points.
  */
 #ifndef COBOT_JOINT_SWITCHING_H
 #define COBOT_JOINT_SWITCHING_H

@@ -212,7 +212,7 @@ def _term_in_place(problem: Problem, listed: Selection, loads: Unmodelled, selec
 def _beyond_the_list(
     campaign: Campaign, problem: Problem, listed: Selection, say: Progress, store: Store, budget: Budget
 ) -> Explanation:
-    """What listed terms leave: to the recorded motion, where it is sure of a name, to a formula, or to nothing.
+    """What listed terms leave: to a formula that leaves nothing, to the recorded motion, to a formula, or to nothing.
 
     Beside a background a formula has to be predicted to take as much as listed terms take, and most of it.
     """
@@ -222,18 +222,18 @@ def _beyond_the_list(
     background = takes_most or follows
     least = max(thresholds.ALONE, 1 - left / max(before, 1e-9)) if background else 0.0
     much = _much_is_left(problem, listed)
+    formulas = much and budget.allows("formulas")
+    unmodelled = look_for_unmodelled(problem, calibrated, listed, say, least) if formulas else None
+    if unmodelled and (not background or _leaves_nothing(problem, unmodelled)):
+        return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
     asked = much and follows and not takes_most and budget.allows("the recorded motion")
     found = (
         store.remember("anchored", _basis(campaign), lambda: follow(campaign, problem.plant, say)) if asked else None
     )
-    formulas = much and not (found and found.claims) and budget.allows("formulas")
-    unmodelled = look_for_unmodelled(problem, calibrated, listed, say, least) if formulas else None
-    if unmodelled and (not background or _leaves_nothing(problem, unmodelled)):
-        return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
     stands = listed.selected if left < thresholds.REMAINDER * before else []
     if found and stands and found.supports(stands[0].term):
         return Explanation(calibrated, listed.fit, listed, stands, anchored=found)
-    if unmodelled and unmodelled.taken > thresholds.ENOUGH and not takes_most:
+    if unmodelled and unmodelled.taken > thresholds.ENOUGH and not (takes_most or (found and found.claims)):
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
     if found and (found.named or not stands):
         return Explanation(calibrated, listed.fit, listed, [], anchored=found)

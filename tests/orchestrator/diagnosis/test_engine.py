@@ -251,15 +251,6 @@ def never(*_: object) -> None:
     raise AssertionError
 
 
-def test_where_the_motion_is_sure_of_a_name_no_formula_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    sure = SimpleNamespace(claims=True, named=[], supports=lambda term: 0.0)
-    monkeypatch.setattr(engine, "can_follow", lambda campaign, plant: True)
-    monkeypatch.setattr(engine, "follow", lambda campaign, plant, say: sure)
-    monkeypatch.setattr(engine, "look_for_unmodelled", never)
-    monkeypatch.setattr(engine, "anchored_diagnosis", lambda found, units: Diagnosis("explained", [], {}, {}))
-    assert diagnose_plant(drifting(), Axis()).verdict == "explained"
-
-
 def test_where_terms_explain_down_to_the_noise_the_motion_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engine, "can_follow", lambda campaign, plant: True)
     monkeypatch.setattr(engine, "follow", never)

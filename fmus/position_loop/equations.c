@@ -12,9 +12,10 @@ static double speed_error(const Unit *m) {
   return wanted + (m->integrator_k_i != 0 ? m->x_p : 0) - m->gains_k_w * filtered_speed(m);
 }
 
-/* u = k_v e_w + x_v */
+/* u = u_pos + K (u_pos - tau_s/k_t), u_pos = k_v e_w + x_v */
 static double wanted_voltage(const Unit *m) {
-  return m->gains_k_v * speed_error(m) + (m->integrator_k_iv != 0 ? m->x_v : 0);
+  const double u_pos = m->gains_k_v * speed_error(m) + (m->integrator_k_iv != 0 ? m->x_v : 0);
+  return u_pos + m->torque_feedback_K * (u_pos - m->tau_s / m->torque_feedback_k_t);
 }
 
 static double saturated(const Unit *m, double u) { return clamp(u, -m->saturation_u_max, m->saturation_u_max); }

@@ -53,6 +53,11 @@ def test_speed_integrator_adds_a_ramp_of_voltage(run: Run) -> None:
     np.testing.assert_allclose(out["u_c"], 0.2 * 2.0 + 5.0 * 2.0 * out["time"], rtol=1e-9)
 
 
+def test_torque_feedback_adds_what_the_measured_torque_is_short_of(run: Run) -> None:
+    out = run(phi_ref=0.3, gains__k_p=50.0, gains__k_v=0.2, tau_s=1.5, torque_feedback__K=2.0, torque_feedback__k_t=2.5)
+    np.testing.assert_allclose(out["u_c"], 3.0 + 2.0 * (3.0 - 1.5 / 2.5), rtol=1e-12)
+
+
 def test_a_saturated_output_takes_the_integrator_back(run: Run) -> None:
     """Where k_iv e_w = (u - u_max)/T_t: 3 V beyond the saturation, whatever time has passed."""
     loop = {"w_ref": 2.0, "gains__k_p": 0.0, "gains__k_v": 0.2, "saturation__u_max": 1.0}

@@ -112,6 +112,20 @@ def test_a_unit_that_fails_at_every_step_says_why(make_gain: Callable[..., Syste
         simulate(make_gain({"rolls_back": False}, fail_at=0.5), Experiment(Inputs(np.array([0.0])), 1.0))
 
 
+def test_where_only_the_shortest_step_runs_its_error_is_said_to_be_unknown(caplog: pytest.LogCaptureFixture) -> None:
+    shortest = 1e-3 / 128
+
+    def runs(step: float) -> Result:
+        if step > 1.1 * shortest:
+            raise SimulationError("diverged")
+        return Result(np.array([0.0, 1.0]), {"tau": np.array([1.0, 1.0])}, {}, "jacobi", step)
+
+    with caplog.at_level(logging.WARNING, "cobot_joint"):
+        assert choose_step(runs, 1e-3, {"tau": 1.0}) == shortest
+    assert "cannot be told" in caplog.text
+    assert "nan" not in caplog.text
+
+
 def test_a_given_step_is_taken_as_it_is(foreign_gear: MakeGear) -> None:
     assert simulate(joint(foreign_gear()), replace(loaded(), stop_time=0.1, step=1e-4)).step == 1e-4
 

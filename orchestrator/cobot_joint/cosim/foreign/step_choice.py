@@ -54,16 +54,31 @@ def choose_step(run: Callable[[float], Result], longest: float, nominal: Mapping
     if result(len(steps) - 1) is None:
         run(steps[-1])  # raises what the unit says
     if len(steps) > 1:
-        change, name = _worst(changes(len(steps) - 2))
-        before = changes(len(steps) - 3).get(name, np.inf) if len(steps) > 2 else np.inf
-        left = _left(change, before / change if np.isfinite(before) else FIRST_ORDER) - change
-        log.warning(
-            "the coupling does not settle: halving the step to %.3g ms still changes %s by %.2g %% of its size and "
-            "leaves an error of some %.2g %%, %g %% is allowed; a unit that follows its inputs (canInterpolateInputs), "
-            "or may be stepped in parts (canHandleVariableCommunicationStepSize), would help",
-            1e3 * steps[-1], name, 100 * change, 100 * left, 100 * ERROR,
-        )  # fmt: skip
+        _warn(steps[-1], changes(len(steps) - 2), changes(len(steps) - 3) if len(steps) > 2 else {})
     return steps[-1]
+
+
+def _warn(step: float, changes: Mapping[str, float], before: Mapping[str, float]) -> None:
+    """`changes`: what halving to the shortest step changed; `before`: what the halving before that did."""
+    remedy = (
+        "a unit that follows its inputs (canInterpolateInputs), or may be stepped in parts "
+        "(canHandleVariableCommunicationStepSize), would help"
+    )
+    change, name = _worst(changes)
+    if not np.isfinite(change):
+        log.warning(
+            "the coupling does not settle: at %.3g ms a unit still fails; %.3g ms, the shortest, is taken, and how far "
+            "off that is cannot be told; %s",
+            2e3 * step, 1e3 * step, remedy,
+        )  # fmt: skip
+        return
+    ratio = before.get(name, np.inf) / change
+    left = _rest(change, ratio if np.isfinite(ratio) else FIRST_ORDER)
+    log.warning(
+        "the coupling does not settle: halving the step to %.3g ms still changes %s by %.2g %% of its size and "
+        "leaves an error of some %.2g %%, %g %% is allowed; %s",
+        1e3 * step, name, 100 * change, 100 * left, 100 * ERROR, remedy,
+    )  # fmt: skip
 
 
 def _error(changes: Mapping[str, float], halved: Callable[[], Mapping[str, float]]) -> Change:
@@ -85,8 +100,13 @@ def richardson(changes: Mapping[str, float], again: Mapping[str, float]) -> Chan
 
 
 def _left(change: float, ratio: float) -> float:
-    r = min(max(ratio, SLOWEST), SECOND_ORDER)
-    return change * r / (r - 1)
+    """Of the step that halving changes."""
+    return change + _rest(change, ratio)
+
+
+def _rest(change: float, ratio: float) -> float:
+    """Of its half: c/r + c/r^2 + ..."""
+    return change / (min(max(ratio, SLOWEST), SECOND_ORDER) - 1)
 
 
 def relative_changes(coarse: Result | None, fine: Result | None, nominal: Mapping[str, float]) -> dict[str, float]:

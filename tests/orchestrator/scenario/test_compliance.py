@@ -32,7 +32,7 @@ def step_response(t: np.ndarray, J: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("gain", [0.0, 1.0, 3.0, 10.0])
-def test_pushed_joint_swings_as_its_spring_and_damper_with_the_drive_made_lighter_by_torque_feedback(
+def test_pushed_joint_swings_as_its_spring_and_damper_with_a_drive_as_light_as_the_feedback_makes_it(
     gain: float,
 ) -> None:
     """J = J_drive/(1 + K) + J_link; shafts and mesh yield by 1/700 of it"""

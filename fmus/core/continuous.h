@@ -4,9 +4,6 @@
 
 #include "core/steps.h"
 
-/* s; a drive reads its encoder this often where no communication points tell it when: the step of DefaultExperiment */
-static const double SAMPLE_PERIOD = 1e-3;
-
 /* NULL, or why a master cannot integrate this unit */
 static const char *no_model_exchange(void) {
   const char *why = NULL;
@@ -77,7 +74,7 @@ static double next_time_event(const Instance *c) {
   double next = next_late(&c->late, &c->unit);
 #if defined UNIT_SAMPLED
   const Unit *m = &c->unit;
-  const double samples = floor((m->time - m->start_time) / SAMPLE_PERIOD + 1e-6) + 1;
+  const double samples = m->clocked ? INFINITY : floor((m->time - m->start_time) / SAMPLE_PERIOD + 1e-6) + 1;
   next = fmin(next, m->start_time + samples * SAMPLE_PERIOD);
 #endif
 #if defined UNIT_TIMED
@@ -96,7 +93,7 @@ static Status new_discrete_states(Instance *c, bool *moved) {
 #if defined UNIT_SAMPLED
   const double samples = (m->time - m->start_time) / SAMPLE_PERIOD;
   refresh(m);
-  if (fabs(samples - nearbyint(samples)) < 1e-6) unit_sample(m);
+  if (!m->clocked && fabs(samples - nearbyint(samples)) < 1e-6) unit_sample(m);
 #endif
   const Status status = update_discrete_states(c, &happened);
   *moved = memcmp(before, reals(m), sizeof(double) * N_X) != 0;

@@ -198,11 +198,11 @@ static double first_event(const Unit *m, double t, double h, const double x0[], 
 }
 #endif
 
-/* what a unit does once per communication point; not where the master ends a step before that */
+/* what a unit does once per communication point; not where the master ends a step before that, or has a clock for it */
 static inline void end_of_step(Unit *m, bool early) {
   (void)m, (void)early;
 #if defined UNIT_SAMPLED
-  if (!early) unit_sample(m);
+  if (!early && !m->clocked) unit_sample(m);
 #endif
   observe(m);
 }

@@ -54,6 +54,12 @@
 #ifndef EVENT /* (name, description): an indicator that equations.c gives; the event is where it turns positive */
 #define EVENT(...)
 #endif
+#ifndef CLOCK /* (name, when z[N_EVENT] says that it ticks, description): an output clock of FMI 3.0 */
+#define CLOCK(...)
+#endif
+#ifndef SAMPLE_CLOCK /* (name, description): an input clock of FMI 3.0 that tells when to sample, every SAMPLE_PERIOD */
+#define SAMPLE_CLOCK(...)
+#endif
 #ifndef MEMORY /* (type, name, count): discrete memory of the unit, part of the FMU state */
 #define MEMORY(...)
 #endif
@@ -88,6 +94,8 @@
 #undef BOUNDS
 #undef FIXED
 #undef EVENT
+#undef CLOCK
+#undef SAMPLE_CLOCK
 #undef MEMORY
 #undef FLANGE
 #undef HELD_TORQUE

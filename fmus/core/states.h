@@ -14,7 +14,7 @@ typedef struct {
 } Snapshot;
 enum {
   STATE_MAGIC = 0x636a3031,
-  STATE_VERSION = 3
+  STATE_VERSION = 4
 }; /* version: counts changes of Snapshot and of what stands before it */
 
 static bool is_state(const Snapshot *s) {

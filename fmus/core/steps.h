@@ -106,6 +106,10 @@ static inline Status update_discrete_states(Instance *c, bool *happened) {
   for (int k = 0; k < N_EVENT; k++) *happened |= m->happened[k].count > 0;
   if (c->log_events) tell_events(c);
 #endif
+#if defined UNIT_SAMPLED
+  if (m->ticks) unit_sample(m);
+#endif
+  m->ticks = 0; /* FMI 3.0.2, 2.2.8: clocks become inactive here */
   return OK;
 }
 

@@ -141,6 +141,7 @@ typedef struct Unit {
   int stale;                      /* derivatives and outputs no longer belong to states, inputs and parameters */
   int restart;                    /* parameters changed: unit_start has to run again */
   Happened happened[N_EVENT + 1]; /* since the step began */
+  int clocked, ticks;             /* a clock of the master's tells when to sample; it ticks now */
   uint32_t changed; /* bit k: the k-th late value of resources/ has come, or the user set that parameter */
 #define MEMORY(type, name, count) type name[count];
 #include "core/rows.h"
@@ -161,10 +162,14 @@ static void unit_start(Unit *m);
 /* derivatives and outputs from time, states, inputs and parameters; changes nothing else */
 static void unit_equations(Unit *m);
 /* with EVENT rows: z[k] turns positive where event k happens; then what the event changes.
- * With #define UNIT_SAMPLED in equations.c: unit_sample(m), once at the end of each communication step.
+ * With #define UNIT_SAMPLED in equations.c: unit_sample(m), once at the end of each communication step, or where a clock of
+ * FMI 3.0 ticks.
  * With #define UNIT_TIMED: unit_next_time(m), when the next time event is due (INFINITY: never), and unit_time_event(m), what
  * it changes: no state.
  * With #define UNIT_OBSERVED: unit_observe(m), outputs that follow from the states and that nothing else needs. */
+
+/* s; a drive reads its encoder this often where no communication points tell it when: the step of DefaultExperiment */
+static const double SAMPLE_PERIOD = 1e-3;
 
 #define PI 3.14159265358979323846
 /* smoothed sign, docs/bench.md */

@@ -94,6 +94,26 @@ static void xml_indicators(void) {
   (void)reference;
 }
 
+static void xml_clock(const char *name, int number, const char *text, const char *causality, const char *interval) {
+  variable("Clock", "", name, FMI3_CLOCK + number, text);
+  kind(causality, "discrete", NULL);
+  printf(" intervalVariability=\"%s\"", interval);
+  if (strcmp(interval, "constant") == 0) printf(" intervalDecimal=\"%.17g\" shiftDecimal=\"0\"", SAMPLE_PERIOD);
+  printf("/>\n");
+}
+
+static void xml_clocks(void) {
+#define CLOCK(name, ticks, text) xml_clock(#name, CLOCK_##name, text, "output", "triggered");
+#define SAMPLE_CLOCK(name, text) xml_clock(#name, CLOCK_##name, text, "input", "constant");
+#include "core/rows.h"
+}
+
+static void xml_clocks_among(const char *element) {
+  (void)element;
+#define CLOCK(name, ...) printf("      <%s valueReference=\"%d\"/>\n", element, FMI3_CLOCK + CLOCK_##name);
+#include "core/rows.h"
+}
+
 static const Numbering FMI3_NUMBERING = {.attribute = "valueReference",
                                          .output = "Output",
                                          .derivative = "ContinuousStateDerivative",
@@ -141,10 +161,13 @@ static int xml_fmi3(const char *version) {
   for (int i = 1; i < N_BOOLEAN; i++) xml_bool(i);
   for (int i = 0; i < N_X; i++) xml_derivative_float(i);
   if (!SAMPLES_AT_STEPS) xml_indicators();
+  xml_clocks();
   printf("  </ModelVariables>\n  <ModelStructure>\n");
   bad |= xml_outputs(by);
+  xml_clocks_among(by->output);
   xml_derivatives(by, by->derivative);
   xml_initial_unknowns(by);
+  xml_clocks_among(by->initial);
   for (int k = 0; k < N_EVENT && !SAMPLES_AT_STEPS; k++)
     printf("      <EventIndicator valueReference=\"%d\"/>\n", FMI3_INDICATOR + k);
   printf("  </ModelStructure>\n  <Annotations>\n    <Annotation type=\"cobot-joint\">");

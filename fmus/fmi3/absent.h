@@ -39,53 +39,49 @@ fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference vr[], s
   CALL(ANY, no_variables(instance, vr, n));
 }
 
-/* clocks, with their intervals and shifts */
-fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, fmi3Clock value[]) {
-  (void)value;
-  CALL(ANY, no_variables(instance, vr, n));
-}
-fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const fmi3Clock value[]) {
-  (void)value;
-  CALL(ANY, no_variables(instance, vr, n));
+/* intervals and shifts of clocks: those that there are have theirs in modelDescription.xml, or none */
+static Status no_interval(Instance *c, const Reference vr[], size_t n) {
+  if (n > 0) FAIL(c, "value reference %u: no clock whose interval is asked or set", vr ? vr[0] : 0);
+  return OK;
 }
 fmi3Status fmi3GetIntervalDecimal(fmi3Instance instance, const fmi3ValueReference vr[], size_t n,
                                   fmi3Float64 interval[], fmi3IntervalQualifier qualifier[]) {
   (void)interval, (void)qualifier;
-  CALL(ANY, no_variables(instance, vr, n));
+  CALL(ANY, no_interval(instance, vr, n));
 }
 fmi3Status fmi3SetIntervalDecimal(fmi3Instance instance, const fmi3ValueReference vr[], size_t n,
                                   const fmi3Float64 interval[]) {
   (void)interval;
-  CALL(ANY, no_variables(instance, vr, n));
+  CALL(ANY, no_interval(instance, vr, n));
 }
 fmi3Status fmi3GetIntervalFraction(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, fmi3UInt64 counter[],
                                    fmi3UInt64 resolution[], fmi3IntervalQualifier qualifier[]) {
   (void)counter, (void)resolution, (void)qualifier;
-  CALL(ANY, no_variables(instance, vr, n));
+  CALL(ANY, no_interval(instance, vr, n));
 }
 fmi3Status fmi3SetIntervalFraction(fmi3Instance instance, const fmi3ValueReference vr[], size_t n,
                                    const fmi3UInt64 counter[], const fmi3UInt64 resolution[]) {
   (void)counter, (void)resolution;
-  CALL(ANY, no_variables(instance, vr, n));
+  CALL(ANY, no_interval(instance, vr, n));
 }
 fmi3Status fmi3GetShiftDecimal(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, fmi3Float64 shift[]) {
   (void)shift;
-  CALL(ANY, no_variables(instance, vr, n));
+  CALL(ANY, no_interval(instance, vr, n));
 }
 fmi3Status fmi3SetShiftDecimal(fmi3Instance instance, const fmi3ValueReference vr[], size_t n,
                                const fmi3Float64 shift[]) {
   (void)shift;
-  CALL(ANY, no_variables(instance, vr, n));
+  CALL(ANY, no_interval(instance, vr, n));
 }
 fmi3Status fmi3GetShiftFraction(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, fmi3UInt64 counter[],
                                 fmi3UInt64 resolution[]) {
   (void)counter, (void)resolution;
-  CALL(ANY, no_variables(instance, vr, n));
+  CALL(ANY, no_interval(instance, vr, n));
 }
 fmi3Status fmi3SetShiftFraction(fmi3Instance instance, const fmi3ValueReference vr[], size_t n,
                                 const fmi3UInt64 counter[], const fmi3UInt64 resolution[]) {
   (void)counter, (void)resolution;
-  CALL(ANY, no_variables(instance, vr, n));
+  CALL(ANY, no_interval(instance, vr, n));
 }
 
 /* dependencies of single elements, adjoint derivatives, configuration mode, evaluation of discrete states */

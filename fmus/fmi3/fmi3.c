@@ -1,6 +1,6 @@
 /* FMI 3.0 for co-simulation: the core's functions by the names and types of the standard; event mode, intermediate update and
- * early return are the core's watch on a step. Model exchange is in exchange.h, what no unit has (clocks, arrays, strings) in
- * absent.h.
+ * early return are the core's watch on a step. Model exchange is in exchange.h, clocks in clocks.h, what no unit has (arrays,
+ * strings) in absent.h.
  * One translation unit per FMU: EQUATIONS names the unit's equations.c, MODEL_DEF its table, UNIT_GUID is its GUID. */
 #include <limits.h>
 
@@ -306,6 +306,8 @@ fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte bytes[]
 }
 
 #include "fmi3/exchange.h"
+
+#include "fmi3/clocks.h"
 
 #include "fmi3/absent.h"
 #undef CALL

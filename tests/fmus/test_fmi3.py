@@ -62,7 +62,13 @@ class Slave:
         return float(getattr(self.fmu, f"get{TAKES[self.variables[name].type]}")(self.vr(name))[0])
 
     def outputs(self) -> list[float]:
-        return [self[v.name] for v in self.variables.values() if v.causality == "output"]
+        return [self[v.name] for v in self.variables.values() if v.causality == "output" and v.type != "Clock"]
+
+    def ticks(self, clock: str) -> bool:
+        return bool(self.fmu.getClock(self.vr(clock))[0])
+
+    def tick(self, clock: str) -> None:
+        self.fmu.setClock(self.vr(clock), [True])
 
 
 class Model(Slave):
@@ -110,12 +116,14 @@ def test_fmpy_simulates_it_to_the_bit_like_the_fmi_2_unit(name: str) -> None:
         np.testing.assert_array_equal(two[signal], three[signal], err_msg=signal)
 
 
-def test_it_has_the_variables_of_the_fmi_2_unit_time_and_event_indicators(load: Load, name: str) -> None:
+def test_it_has_the_variables_of_the_fmi_2_unit_time_event_indicators_and_clocks(load: Load, name: str) -> None:
     unit = load(name)
     two = unit.variables
     three = {v.name: v for v in fmpy.read_model_description(str(fmi3(name))).modelVariables}
-    indicators = list(three)[1 + len(two) :]
+    clocks = [key for key, v in three.items() if v.type == "Clock"]
+    indicators = list(three)[1 + len(two) : len(three) - len(clocks)]
     assert list(three)[: 1 + len(two)] == ["time", *two]
+    assert clocks == (["commutation", "encoder_clock"] if name == "motor_bldc" else [])
     assert all(indicator.startswith("z_") for indicator in indicators)
     exchanged = unit.description.modelExchange is not None
     assert len(indicators) == (unit.description.numberOfEventIndicators if exchanged else 0)

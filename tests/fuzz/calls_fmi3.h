@@ -12,6 +12,16 @@ static void logger(fmi3InstanceEnvironment e, fmi3Status status, fmi3String cate
   (void)e, (void)status, (void)category, (void)text;
 }
 
+/* n <= 2; in event mode */
+static void clocks(Sequence *s, void *c, size_t n) {
+  const fmi3ValueReference vr[2] = {FMI3_CLOCK + any_of(s, N_CLOCK + 1), FMI3_CLOCK + any_of(s, N_CLOCK + 1)};
+  fmi3Clock b[2] = {below(s, 2) == 0, true};
+  if (below(s, 3))
+    fmi3GetClock(c, vr, n, b);
+  else
+    fmi3SetClock(c, vr, n, b);
+}
+
 static void values(Sequence *s, void *c) {
   fmi3ValueReference vr[4], discrete[4];
   fmi3Int32 n[4], order[4];
@@ -37,11 +47,17 @@ static void values(Sequence *s, void *c) {
     case 7: fmi3GetBoolean(c, discrete, many, b, counted); break;
     case 8: fmi3SetBoolean(c, discrete, many, b, counted); break;
     case 9: fmi3GetString(c, vr, many, NULL, counted); break;
-    case 10: fmi3GetClock(c, vr, many, NULL); break;
+    case 10: clocks(s, c, below(s, 3)); break;
     case 11: fmi3GetOutputDerivatives(c, vr, many, order, x, counted); break;
     default: fmi3GetDirectionalDerivative(c, vr, many, discrete, below(s, 2), seed, counted, x, counted); break;
   }
   free(x), free(seed);
+}
+
+static int update(void *c) {
+  fmi3Boolean b[5];
+  double next;
+  return (int)fmi3UpdateDiscreteStates(c, &b[0], &b[1], &b[2], &b[3], &b[4], &next);
 }
 
 /* within a step: what a master may do there and, rarely, what it must not */
@@ -66,11 +82,9 @@ static void initialise(void *c) {
 }
 
 static void enter_mode(Sequence *s, void *c) {
-  fmi3Boolean b[5];
-  double next;
   switch (below(s, 4)) {
     case 0: fmi3EnterEventMode(c); break;
-    case 1: fmi3UpdateDiscreteStates(c, &b[0], &b[1], &b[2], &b[3], &b[4], &next); break;
+    case 1: update(c); break;
     case 2: fmi3EnterStepMode(c); break;
     default: fmi3EnterContinuousTimeMode(c); break;
   }
@@ -81,8 +95,8 @@ static size_t about(Sequence *s, size_t n) { return below(s, 60) ? n : below(s, 
 /* Euler's, and event mode behind it; lengths are wrong now and then */
 static int step(Sequence *s, int i, double t, double h) {
   void *c = s->c[i];
-  double x[N_X + 1], der[N_X + 1], z[N_EVENT + 1], next;
-  fmi3Boolean enter = 0, terminate = 0, b[5];
+  double x[N_X + 1], der[N_X + 1], z[N_EVENT + 1];
+  fmi3Boolean enter = 0, terminate = 0;
   int status = (int)fmi3SetTime(c, t + h);
   status |= (int)fmi3GetContinuousStateDerivatives(c, der, about(s, N_X));
   status |= (int)fmi3GetContinuousStates(c, x, about(s, N_X));
@@ -92,7 +106,8 @@ static int step(Sequence *s, int i, double t, double h) {
   status |= (int)fmi3CompletedIntegratorStep(c, 1, &enter, &terminate);
   if (status == OK && below(s, 3) == 0) {
     fmi3EnterEventMode(c), values(s, c);
-    status = (int)fmi3UpdateDiscreteStates(c, &b[0], &b[1], &b[2], &b[3], &b[4], &next);
+    if (N_CLOCK > 0 && below(s, 4) == 0) clocks(s, c, 1);
+    status = update(c);
     status |= (int)fmi3EnterContinuousTimeMode(c);
   }
   if (below(s, 10) == 0) fmi3GetNominalsOfContinuousStates(c, x, about(s, N_X));
@@ -112,24 +127,23 @@ static void initialise(void *c) {
 }
 
 static void enter_mode(Sequence *s, void *c) {
-  fmi3Boolean b[5];
-  double next;
   switch (below(s, 3)) {
     case 0: fmi3EnterEventMode(c); break;
-    case 1: fmi3UpdateDiscreteStates(c, &b[0], &b[1], &b[2], &b[3], &b[4], &next); break;
+    case 1: update(c); break;
     default: fmi3EnterStepMode(c); break;
   }
 }
 
 static int step(Sequence *s, int i, double t, double h) {
-  fmi3Boolean event, terminate, early, b[5];
-  double last, next;
+  fmi3Boolean event, terminate, early;
+  double last;
   s->stepping = i;
   const fmi3Status status = fmi3DoStep(s->c[i], t, h, below(s, 2), &event, &terminate, &early, &last);
   if (status == fmi3OK) s->time[i] = last;
   if (status == fmi3OK && event && below(s, 2)) {
     fmi3EnterEventMode(s->c[i]);
-    fmi3UpdateDiscreteStates(s->c[i], &b[0], &b[1], &b[2], &b[3], &b[4], &next);
+    if (N_CLOCK > 0 && below(s, 4) == 0) clocks(s, s->c[i], 1);
+    update(s->c[i]);
     fmi3EnterStepMode(s->c[i]);
   }
   return (int)status;

@@ -49,6 +49,7 @@ FEATURE = {"feature1.A": 1.0, **{f"feature1.f{k}": 2 for k in (1, 2, 3, 4)}}  # 
 VARIANTS = {
     "motor_bldc": [{"motor.level": 4}, {"motor.level": 5}],
     "driven_load": [{"motion.source": 2}],
+    "position_loop": [{"torque_feedback.K": 1.0}],
     "correction": [FEATURE],
 }  # settings under which other inputs feed through
 ON = {"presliding.share": 0.5, "sublinear_viscous.x": 0.5, "viscous_warmup.fade": 0.5, "backlash.b_x": 0.002,

@@ -10,7 +10,7 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
-from figures import proof, reliability, svg
+from figures import benchmarks, proof, reliability, svg
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
@@ -43,6 +43,7 @@ def on_files(files: Files, config: MkDocsConfig, **_: Any) -> Files:
     files.append(File.generated(config, "docs/api.md", content=api_page()))
     files.append(File.generated(config, "docs/figures/proof.md", content=proof.page(ROOT)))
     files.append(File.generated(config, "docs/figures/reliability.md", content=reliability.page(ROOT)))
+    files.append(File.generated(config, "docs/figures/benchmarks.md", content=benchmarks.page(ROOT)))
     files.append(File.generated(config, "docs/figures/style.css", content=svg.style()))
     return files
 

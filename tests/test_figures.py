@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import shutil
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from lxml import html
+from rich.console import Console
 
+from benchmarks.__main__ import show
+from benchmarks.measure import Row
 from cobot_joint.diagnosis.evaluation.prove import cases_of
 from cobot_joint.diagnosis.evaluation.score import rate, scoreboard
 from cobot_joint.diagnosis.selection.confidence import COUNTED
@@ -20,14 +25,14 @@ ROOT = Path(__file__).parents[1]
 PROOF = ROOT / "proof"
 sys.path.append(str(ROOT / "docs"))  # as mkdocs does for its hook
 
-from figures import proof, reliability, svg  # noqa: E402
+from figures import benchmarks, proof, reliability, svg  # noqa: E402
 
 SETS = [name for name in proof.SETS if list((PROOF / name).glob("*/diagnosis.json"))]
 
 
 @pytest.fixture(scope="module")
 def pages() -> dict[str, html.HtmlElement]:
-    written = {"proof": proof.page(ROOT), "reliability": reliability.page(ROOT)}
+    written = {"proof": proof.page(ROOT), "reliability": reliability.page(ROOT), "benchmarks": benchmarks.page(ROOT)}
     return {name: html.fromstring(f"<main>{text}</main>") for name, text in written.items()}
 
 
@@ -126,9 +131,41 @@ def test_a_set_without_answers_says_so(sealed: Path) -> None:
     assert "No answers are kept here" in proof.of_set(sealed)
 
 
+@pytest.fixture(scope="module")
+def measured() -> list[dict[str, Any]]:
+    """Every row of the benchmarks that is kept."""
+    files = [ROOT / "benchmarks" / "measured" / f"{group}.json" for group in benchmarks.GROUPS]
+    return [row for file in files for row in json.loads(file.read_text())["rows"]]
+
+
+def test_every_row_of_the_benchmarks_is_in_their_table(
+    pages: dict[str, html.HtmlElement], measured: list[dict[str, Any]]
+) -> None:
+    shown = [[cell.text_content() for cell in row.iterfind("td")] for row in pages["benchmarks"].iterfind(".//tr")]
+    assert [row[:2] for row in shown if row] == [[row["title"], benchmarks.figure(row)] for row in measured]
+
+
+def test_every_master_has_a_bar_and_every_run_a_point(
+    pages: dict[str, html.HtmlElement], measured: list[dict[str, Any]]
+) -> None:
+    bars, points = pages["benchmarks"].iterfind(".//svg")
+    assert len(bars.findall(".//g")) == sum(bool(benchmarks.PEER.fullmatch(row["title"])) for row in measured)
+    runs = benchmarks.points(ROOT / "benchmarks" / "measured")
+    assert len(points.findall(".//g")) == len(runs) > 20
+
+
+def test_the_table_of_the_benchmarks_page_is_what_show_prints(measured: list[dict[str, Any]]) -> None:
+    """python -m benchmarks --show --out benchmarks/measured, 118 columns wide"""
+    told = Console(file=io.StringIO(), width=118)
+    show([Row(**row) for row in measured], told)
+    printed = [line.rstrip() for line in told.file.getvalue().splitlines()]  # type: ignore[attr-defined]
+    page = (ROOT / "benchmarks" / "README.md").read_text(encoding="utf-8").partition("```text\n")[2].partition("```")[0]
+    assert [line.rstrip() for line in page.splitlines()] == printed
+
+
 def test_every_picture_has_a_title_and_its_figures_in_words(pages: dict[str, html.HtmlElement]) -> None:
     pictures = [picture for page in pages.values() for picture in page.iter("svg")]
-    assert len(pictures) >= 3 * len(SETS)
+    assert len(pictures) >= 3 * len(SETS) + 2
     for picture in pictures:
         texts = {e.get("id"): e.text_content() for e in picture.iter("title", "desc") if e.get("id")}
         assert texts[picture.get("aria-labelledby")]

@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
+from itertools import pairwise
 from pathlib import Path
 from string import Template
 
@@ -47,6 +48,14 @@ class Share:
     high: float
     n: int
     k: int
+
+
+@dataclass(frozen=True)
+class Series:
+    """A line through points: abscissa, ordinate, and what a point says where a pointer rests on it."""
+
+    kind: str  # "after", "before", "band": its marks' style
+    points: tuple[tuple[float, float, str], ...]
 
 
 @dataclass(frozen=True)
@@ -139,6 +148,30 @@ def shares(name: str, title: str, found: Sequence[Share], words: str) -> str:
     told = "; ".join(f"{s.low:g} to {s.high:g}: {s.k} of {s.n} true" for s in found if s.n)
     key = '<span class="band">■</span> stated <span class="after">●</span> true, with the 95 % interval of its share'
     return picture(name, title, f"{words} {told}.", TOP + TALL + FOOT, "".join(marks), key)
+
+
+def curves(name: str, title: str, x: Axis, y: Axis, series: Sequence[Series], words: str, key: str) -> str:
+    """Lines over two quantities."""
+    low, high = LEFT, WIDTH - RIGHT
+    marks = []
+    for tick in y.ticks():
+        marks.append(line("grid", low, _height(y.at(tick)), high, _height(y.at(tick))))
+        marks.append(text(low - 4, _height(y.at(tick)) + 4, number(tick), anchor="end"))
+    for tick in x.ticks():
+        across = low + x.at(tick) * (high - low)
+        marks.append(line("grid", across, TOP, across, TOP + TALL) + text(across, TOP + TALL + 15, number(tick)))
+    for each in series:
+        placed = [(low + x.at(a) * (high - low), _height(y.at(b)), said) for a, b, said in each.points]
+        marks += [line(f"way {each.kind}", *a[:2], *b[:2]) for a, b in pairwise(placed)]
+        marks += [f"<g><title>{escape(said)}</title>{_mark(each.kind, a, b)}</g>" for a, b, said in placed]
+    marks.append(text((low + high) / 2, TOP + TALL + 34, escape(x.label)))
+    turned = f"translate(11 {TOP + TALL / 2:.0f}) rotate(-90)"
+    marks.append(f'<text transform="{turned}" text-anchor="middle">{escape(y.label)}</text>')
+    return picture(name, title, words, TOP + TALL + FOOT, "".join(marks), key)
+
+
+def _mark(kind: str, x: float, y: float) -> str:
+    return rectangle(kind, x - 4, y - 4, 8, 8) if kind == "band" else circle(kind, x, y)
 
 
 def _height(share: float) -> float:

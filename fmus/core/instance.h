@@ -58,6 +58,10 @@ struct Instance {
   Unit unit;
 };
 
+/* volatile: what has a size that it knows GCC copies by `rep movsq`, and the C library in half the time */
+static const volatile size_t UNIT_BYTES = sizeof(Unit);
+static inline void copy_unit(Unit *to, const Unit *from) { memcpy(to, from, UNIT_BYTES); }
+
 static void say(const Instance *c, Status status, const char *category, const char *format, ...) {
   char text[512];
   va_list list;

@@ -30,7 +30,7 @@ static Status get_state(Instance *c, void **state) {
   s->size = sizeof *s;
   s->phase = c->phase;
   s->stop_time = c->stop_time;
-  s->unit = c->unit;
+  copy_unit(&s->unit, &c->unit);
   *state = s;
   return OK;
 }
@@ -41,7 +41,7 @@ static Status set_state(Instance *c, const void *state) {
   if (!is_state(s)) FAIL(c, "this is no state of a %s", UNIT_NAME);
   c->phase = s->phase;
   c->stop_time = s->stop_time;
-  c->unit = s->unit;
+  copy_unit(&c->unit, &s->unit);
   return OK;
 }
 

@@ -14,9 +14,7 @@ from figures import svg
 
 GROUPS = ("averaged", "peers", "own-cost", "cost", "isolation", "simscape", "runs", "hour")
 PEER = re.compile(r"(\w+): same FMUs, (.+?), 0\.2 ms, its time / ours")
-KEY = (
-    '<span class="after">●</span> ours <span class="before">○</span> other masters <span class="band">■</span> one C loop'
-)
+KEY = '<span class="after">●</span> ours <span class="before">○</span> others <span class="band">■</span> one C loop'
 Json = Mapping[str, Any]
 
 
@@ -113,4 +111,6 @@ def table(rows: Sequence[Json]) -> str:
         + "</tr>"
         for row in rows
     )
-    return f'## Rows {{ #rows }}\n\n<table class="counts"><thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody></table>\n'
+    return (
+        f'## Rows {{ #rows }}\n\n<table class="counts"><thead><tr>{head}</tr></thead>\n<tbody>{body}</tbody></table>\n'
+    )

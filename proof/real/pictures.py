@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import sys
 from collections.abc import Callable
@@ -11,6 +12,9 @@ import numpy as np
 from judge import HERE, Vector, signals
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+import cobot_joint as cj
+from cobot_joint.diagnosis.data.campaign import load_campaign
 
 OUT = HERE.parents[1] / "docs" / "proof"
 COLOURS = {"recorded": "black", "calibrated": "tab:orange", "repaired": "tab:blue"}
@@ -63,10 +67,30 @@ def ak80_9(figure: Figure) -> None:
     top.legend(fontsize=8)
 
 
+def screw_drive_1(figure: Figure) -> None:
+    """Friction torque over speed: a mean per file, and both models driven through all speeds in a minute."""
+    case = HERE / "screw_drive_1"
+    axes, answer = figure.subplots(), json.loads((case / "diagnosis.json").read_text())
+    for recording in load_campaign(case).recordings:
+        held_out, tau = recording.role == "holdout", recording.outputs["tau"]
+        forward = np.isfinite(tau) & (recording.inputs["w"] > 0)
+        label = "recorded, held out" if held_out else "recorded, fitted"
+        axes.plot(recording.inputs["w"][forward], 1e3 * tau[forward], "o", color=COLOURS["recorded"],
+                  mfc="white" if held_out else None, ms=6, label=label)  # fmt: skip
+    ramp = cj.Inputs(np.array([0.0, 60.0]), {"w": np.array([0.1, 21.0])})
+    for source in ("calibrated", "repaired"):
+        values = {name: estimate["value"] for name, estimate in answer[source].items()}
+        run = cj.run(HERE / "screw_drive.ssd", cj.Experiment(ramp, 60.0), parameters=values)
+        w = np.interp(run.time, [0.0, 60.0], [0.1, 21.0])
+        axes.plot(w, 1e3 * run["tau"], color=COLOURS[source], lw=2, label=LABELS[source])
+    axes.set(xlabel="speed [rad/s]", ylabel="friction torque [mN.m]")
+    axes.legend()
+
+
 def main() -> int:
     """One PNG per case that has been proved."""
     OUT.mkdir(parents=True, exist_ok=True)
-    cases: tuple[Callable[[Figure], None], ...] = (emps, xl330_pendulum, ak80_9)
+    cases: tuple[Callable[[Figure], None], ...] = (emps, xl330_pendulum, ak80_9, screw_drive_1)
     for draw in cases:
         if not (HERE / draw.__name__ / "verify.parquet").is_file():
             print(f"{draw.__name__}: not proved here, no picture")

@@ -19,6 +19,7 @@ def test_shipped_scenarios_are_the_benchs() -> None:
     assert set(scenario_names()) == {
         *TIME,
         "compliance",
+        "compliance_torque_feedback",
         "frequency_response",
         "torque_calibration",
         "current_sensor_calibration",

@@ -74,14 +74,14 @@ def figure(row: Json) -> str:
 
 def faster(rows: Sequence[Json]) -> str:
     """What other masters take for the same run, over what ours takes."""
-    bars = []
+    masters = []
     for row in sorted((row for row in rows if row["value"]), key=lambda row: row["value"]):
         found = PEER.fullmatch(row["title"])
         assert found
-        bars.append(svg.Row(f"{found[1]}, {found[2]}", "#rows", (row["value"],), row["met"] is False))
-    axis = svg.around("time of the same run / ours [1]", [1.0, *(bar.values[0] for bar in bars)])
-    words = "The joint in steps of 0.2 ms, the same FMUs in the same scheme; a bar per master."
-    return svg.bars("faster", "Other masters' time over ours", axis, bars, words)
+        masters.append(svg.Row(f"{found[1]}, {found[2]}", "#rows", (row["value"],), row["met"] is False))
+    axis = svg.around("time of the same run / ours [1]", [1.0, *(row.values[0] for row in masters)])
+    words = "The joint in steps of 0.2 ms, the same FMUs in the same scheme; a dot per master."
+    return svg.dots("faster", "Other masters' time over ours", axis, masters, words)
 
 
 def cost(measured: Sequence[Json]) -> str:
@@ -100,14 +100,11 @@ def cost(measured: Sequence[Json]) -> str:
 
 def table(rows: Sequence[Json]) -> str:
     """Every row."""
-    head = "".join(f'<th scope="col">{title}</th>' for title in ("row", "measured", "reach", "", "note"))
+    head = "".join(f'<th scope="col">{title}</th>' for title in ("row", "measured", "reach", ""))
     said = {True: "met", False: "missed", None: "not run"}
     body = "\n".join(
-        "<tr>"
-        + "".join(
-            f"<td>{escape(cell)}</td>"
-            for cell in (row["title"], figure(row), row["reach"], said[row["met"]], row["note"])
-        )
+        f"<tr><td>{escape(row['title'])}<small>{escape(row['note'])}</small></td>"
+        + "".join(f"<td>{escape(cell)}</td>" for cell in (figure(row), row["reach"], said[row["met"]]))
         + "</tr>"
         for row in rows
     )

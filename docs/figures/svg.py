@@ -152,7 +152,7 @@ def shares(name: str, title: str, found: Sequence[Share], words: str) -> str:
 
 def curves(name: str, title: str, x: Axis, y: Axis, series: Sequence[Series], words: str, key: str) -> str:
     """Lines over two quantities."""
-    low, high = LEFT, WIDTH - RIGHT
+    low, high = 24 + LETTER * max(len(number(tick)) for tick in y.ticks()), WIDTH - RIGHT
     marks = []
     for tick in y.ticks():
         marks.append(line("grid", low, _height(y.at(tick)), high, _height(y.at(tick))))

@@ -134,7 +134,12 @@ def make_plan(
     numbers = _numbers(instances, columns, inputs)
     units = tuple(
         _plan_unit(
-            instance, *own, [c for c in driven if c.sink_component == instance.name], numbers, instance.name in sinks
+            instance,
+            *own,
+            [c for c in driven if c.sink_component == instance.name],
+            numbers,
+            instance.name in sinks,
+            scheme,
         )
         for instance, own in zip(instances, columns, strict=True)
     )
@@ -209,6 +214,7 @@ def _plan_unit(
     driven: list[Connection],
     numbers: Mapping[Source, int],
     is_sink: bool,
+    scheme: Scheme,
 ) -> PlannedUnit:
     kinds = {c.sink: _kind(instance.variables[c.sink]) for c in driven}
     ordered = [[c for c in driven if kinds[c.sink] == kind] for kind in TYPES]
@@ -221,7 +227,7 @@ def _plan_unit(
         ),
         outputs=tuple(tuple(v.valueReference for v in column) for column in outputs),
         watched=tuple(tuple(v.valueReference for v in column) for column in watched),
-        input_order=_input_order(instance),
+        input_order=0 if scheme.holds else _input_order(instance),
         holds_end=_is_static(instance),
         stairs=STAIRS if _climbs(instance) else 0,
         output_derivatives=instance.gives_slopes and instance.interpolates,  # else slopes know nothing of the inputs'

@@ -39,6 +39,11 @@ class Scheme:
     shortest: float = 2e-5
 
     @property
+    def holds(self) -> bool:
+        """Whether units are told no derivatives of inputs, as by other masters: ours then go on by themselves."""
+        return not self.sequential and self.extrapolation == 0
+
+    @property
     def rolls_back(self) -> bool:
         """Whether units have to save and restore their state."""
         return self.sweeps > 1 or self.adaptive

@@ -37,6 +37,15 @@ def test_the_bench_is_as_the_reference_solution(shared: Path, scenario: str, sch
             assert np.sqrt(np.mean((result.signals[name] - reference[name]) ** 2)) <= limit, name
 
 
+@pytest.mark.parametrize(("step", "limit"), [(1e-4, 4e-4), (2e-4, 1e-3), (1e-3, 2e-2)])
+def test_jacobi_couples_as_in_masters_that_tell_no_derivatives(shared: Path, step: float, limit: float) -> None:
+    """the README's first row; told that inputs stand still, the joint ran a limit cycle, 0.26 to 5.8 A"""
+    result, reference = run_reference(shared, "load_mr_brake", "jacobi", step)
+    error = np.interp(reference["time"], result.time, result.signals["i_motor"]) - reference["i_motor"]
+    assert np.sqrt(np.mean(error**2)) <= limit
+    assert all(abs(result.energy_residual(name)) < 1e-3 for name in result.energy)
+
+
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_no_energy_is_lost_between_units(shared: Path, scenario: str) -> None:
     result, _ = run_reference(shared, scenario, DEFAULT)

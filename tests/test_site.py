@@ -22,7 +22,7 @@ from cobot_joint.units import find_fmu, load_unit
 from tests.browser import VIEWS, fits, found_by_axe
 
 ROOT = Path(__file__).parents[1]
-FIGURES = ("docs/figures/proof", "docs/figures/reliability")
+FIGURES = ("docs/figures/proof", "docs/figures/reliability", "docs/figures/benchmarks")
 UNITS = sorted(table.parent.name for table in ROOT.glob("fmus/*/model.def"))
 
 

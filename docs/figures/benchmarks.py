@@ -100,8 +100,8 @@ def cost(measured: Sequence[Json]) -> str:
 
 def table(rows: Sequence[Json]) -> str:
     """Every row."""
-    head = "".join(f'<th scope="col">{title}</th>' for title in ("row", "measured", "reach", ""))
-    said = {True: "met", False: "missed", None: "not run"}
+    head = "".join(f'<th scope="col">{title}</th>' for title in ("row", "measured", "reach", "reached"))
+    said = {True: "yes", False: "missed", None: "not run"}
     body = "\n".join(
         f"<tr><td>{escape(row['title'])}<small>{escape(row['note'])}</small></td>"
         + "".join(f"<td>{escape(cell)}</td>" for cell in (figure(row), row["reach"], said[row["met"]]))

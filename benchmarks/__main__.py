@@ -30,7 +30,9 @@ GROUPS: dict[str, Callable[[argparse.Namespace], list[Row]]] = {
 
 def _cost(arguments: argparse.Namespace) -> list[Row]:
     rows, points = rows_cost.measure(arguments.peers)
-    (arguments.out / "error_against_cost.json").write_text(json.dumps([asdict(point) for point in points], indent=1))
+    (arguments.out / "error_against_cost.json").write_text(
+        json.dumps([asdict(point) for point in points], indent=1) + "\n"
+    )
     try:
         from benchmarks.plot import draw
     except ImportError as error:
@@ -99,7 +101,7 @@ def main() -> int:
             "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
             "rows": [row.json() for row in measured],
         }
-        (arguments.out / f"{group}.json").write_text(json.dumps(content, indent=1))
+        (arguments.out / f"{group}.json").write_text(json.dumps(content, indent=1) + "\n")
     show(rows, console)
     return 0
 

@@ -30,9 +30,8 @@ GROUPS: dict[str, Callable[[argparse.Namespace], list[Row]]] = {
 
 def _cost(arguments: argparse.Namespace) -> list[Row]:
     rows, points = rows_cost.measure(arguments.peers)
-    (arguments.out / "error_against_cost.json").write_text(
-        json.dumps([asdict(point) for point in points], indent=1) + "\n"
-    )
+    kept = json.dumps([asdict(point) for point in points], indent=1)
+    (arguments.out / "error_against_cost.json").write_text(kept + "\n")
     try:
         from benchmarks.plot import draw
     except ImportError as error:

@@ -31,6 +31,7 @@ from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import Plant, TermCandidate
 from cobot_joint.diagnosis.selection.confidence import COUNTED_TERMS, beside_background, confidence
 from cobot_joint.diagnosis.selection.external_loads import look_for_external_loads, look_for_unlogged_load
+from cobot_joint.diagnosis.selection.misreading import Misread, look_for_misreading
 from cobot_joint.diagnosis.selection.stepwise import SETTLED, Selected, Selection, Selector, prune, worth_naming
 from cobot_joint.diagnosis.selection.unmodelled import Unmodelled, look_for_unmodelled
 from cobot_joint.diagnosis.store import Store
@@ -50,6 +51,7 @@ class Explanation:
     selected: list[Selected]
     unmodelled: Unmodelled | None = None
     anchored: Search | None = None  # what the recorded motion says, where no model fits to the noise
+    misread: Misread | None = None  # a channel whose log explains more than any of these
 
 
 def diagnose(
@@ -174,9 +176,26 @@ def _basis(campaign: Campaign) -> tuple[object, ...]:
 def _select(
     campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress, store: Store, budget: Budget
 ) -> Explanation:
-    """With `terms` in the campaign: these, and nothing beyond them. Else all, and what no list names."""
+    """With `terms` in the campaign: these, and nothing beyond them. Else channels first, then all, listed or not."""
     only = campaign.terms
     scan = Scan(problem, driven(problem, calibrated, _terms(problem, only)), say)
+    if only:
+        return _selected(campaign, problem, calibrated, scan, say, store, budget)
+    say("asking the channels for gains and offsets")
+    misread = store.remember("misread", _basis(campaign), lambda: look_for_misreading(problem, calibrated))
+    if misread and misread.explains(problem) and not misread.rivalled(problem, calibrated, scan):
+        return Explanation(calibrated, calibrated, Selection([calibrated]), [], misread=misread)
+    found = _selected(campaign, problem, calibrated, scan, say, store, budget)
+    if misread and misread.beats(problem, found.fit):
+        return Explanation(found.calibrated, found.calibrated, found.selection.up_to(0), [], misread=misread)
+    return found
+
+
+def _selected(
+    campaign: Campaign, problem: Problem, calibrated: Fit, scan: Scan, say: Progress, store: Store, budget: Budget
+) -> Explanation:
+    """What is missing in the machine, its channels taken as they are."""
+    only = campaign.terms
     beside = Selector(problem, scan, say)
     if not only and (load := look_for_unlogged_load(problem, calibrated, beside.select, say, beside.predicted_share)):
         nothing = Selection([calibrated], indistinguishable=dict(scan.indistinguishable))
@@ -287,7 +306,7 @@ def units_of(problem: Problem) -> dict[str, str]:
 
 
 def _answer(problem: Problem, explanation: Explanation) -> Diagnosis:
-    units = units_of(problem)
+    units, misread = units_of(problem), explanation.misread
     repaired = explanation.fit.estimates(units)
     left = max(problem.excess(explanation.fit.residual), 0.0)
     findings = [_finding(problem, explanation, selected, repaired, left) for selected in explanation.selected]
@@ -295,10 +314,11 @@ def _answer(problem: Problem, explanation: Explanation) -> Diagnosis:
         findings.append(explanation.unmodelled.finding)
     findings = sorted((replace(f, ground=_ground(problem, f, left)) for f in findings), key=lambda f: -f.gain)
     return Diagnosis(
-        verdict=_verdict(findings, left > thresholds.UNDECIDED * problem.excess_scatter),
+        verdict="undecided" if misread else _verdict(findings, left > thresholds.UNDECIDED * problem.excess_scatter),
         findings=findings,
         calibrated=explanation.calibrated.estimates(units),
         repaired=repaired,
+        misreading=misread.told(problem) if misread else None,
         ranking=explanation.selection.ranking,
         structure={
             "calibrated": problem.excess(explanation.calibrated.residual),

@@ -136,6 +136,33 @@ class Finding:
 
 
 @dataclass(frozen=True)
+class Misreading:
+    """A channel with whose gain and offset re-fitted, recorded = gain*there + offset, nothing else need be missing.
+
+    column: of the file. takes: share of the slow structure that this takes from the re-fitted base model's residual.
+    alike: another channel with which it would be as good, or none.
+    """
+
+    channel: str
+    column: str
+    gain: Estimate
+    offset: Estimate
+    takes: float
+    alike: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """As diagnosis.json has it."""
+        return {
+            "channel": self.channel,
+            "column": self.column,
+            "gain": self.gain.to_json(),
+            "offset": self.offset.to_json(),
+            "takes": self.takes,
+            "alike": self.alike or None,
+        }
+
+
+@dataclass(frozen=True)
 class Advice:
     """An experiment that would tell two terms apart, as far as simulation says.
 
@@ -184,6 +211,7 @@ class Diagnosis:
     seconds: float = 0.0
     crashes: list[str] = field(default_factory=list)  # of units; what was tried then was passed over
     left_out: list[str] = field(default_factory=list)  # for want of time
+    misreading: Misreading | None = None  # of a channel, in place of findings
 
     def parameters(self, variant: Literal["nominal", "calibrated", "repaired"]) -> dict[str, float]:
         """Values to simulate that variant with."""
@@ -216,4 +244,5 @@ class Diagnosis:
             }
             | ({"crashes": self.crashes} if self.crashes else {})
             | ({"left_out": self.left_out} if self.left_out else {})
+            | ({"misreading": self.misreading.to_json()} if self.misreading else {})
         )

@@ -49,16 +49,31 @@ def recordings(
     return found
 
 
+def logged(run: Recording, log: Mapping[str, tuple[float, float]]) -> Recording:
+    """The run with some channels recorded as gain*there + offset."""
+
+    def read(series: Mapping[str, Vector]) -> dict[str, Vector]:
+        return {name: log[name][0] * x + log[name][1] if name in log else x for name, x in series.items()}
+
+    return replace(run, inputs=read(run.inputs), outputs=read(run.outputs))
+
+
 @contextmanager
 def calibrated(
     concealed: Mapping[str, float],
     onsets: Mapping[str, float] | None = None,
     added: Mapping[str, Vector] | None = None,
+    log: Mapping[str, tuple[float, float]] | None = None,
 ) -> Iterator[tuple[Problem, Fit]]:
-    """The problem of finding what is concealed, and the base model re-fitted inside (some of) its tolerances."""
+    """The problem of finding what is concealed, and the base model re-fitted inside (some of) its tolerances.
+
+    log: channels that are recorded as gain*there + offset.
+    """
     with FmuPlant({setup: load_system(name) for setup, name in SETUPS.items()}) as plant:
-        noise = {n: Noise(s) for n, s in NOISE.items()}
-        problem = Problem(plant, recordings(plant, concealed, onsets, added=added), noise, jobs=1)
+        log = log or {}
+        noise = {n: Noise(s * log.get(n, (1.0, 0.0))[0]) for n, s in NOISE.items()}
+        recorded = [logged(r, log) for r in recordings(plant, concealed, onsets, added=added)]
+        problem = Problem(plant, recorded, noise, jobs=1)
         nominal = {name: plant.parameters[name].nominal for name in FREE}
         bounds = {name: (nominal[name] * (1 - share), nominal[name] * (1 + share)) for name, share in FREE.items()}
         found = fit(problem, Hypothesis(tolerances(problem, bounds)))

@@ -67,7 +67,7 @@ def difference(
         steps.append(step if x[k] + step <= c.upper else -step)
         point = x.copy()
         point[k] += steps[-1]
-        runs.append(replace(hypothesis.run(point), touches=(c.component,)))
+        runs.append(replace(hypothesis.run(point), touches=(c.component,) if c.component else ()))
         where.append(names.index(c.recording) if c.recording else None)
     found = problem.simulate(runs, base, where)
     columns = [(f.white - base.white) / step for f, step in zip(found, steps, strict=True) if f is not None]

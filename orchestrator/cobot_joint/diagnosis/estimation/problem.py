@@ -66,6 +66,7 @@ class Run:
     onsets: Mapping[str, float] = field(default_factory=dict)
     added: Mapping[str, Mapping[str, Vector]] = field(default_factory=dict)  # recording -> port -> (n,)
     touches: tuple[str, ...] = ()  # components beside which nothing changes: recordings without them are not run again
+    readings: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # channel -> its log's gain and offset
 
     def with_values(self, values: Mapping[str, float], onsets: Mapping[str, float] | None = None) -> Run:
         """The same with further parameters, and from which times on these hold."""
@@ -228,7 +229,7 @@ class Problem:
             self._took[n] = time.perf_counter() - begun
 
     def _simulate(self, run: Run, n: int, signals: Sequence[str]) -> Signals:
-        recording = self.recordings[n]
+        recording = _undone(self.recordings[n], run.readings)
         there = {name: value for name, value in run.values.items() if self.plant.has(name, recording)}
         wanted = [name for name in signals if self.plant.has(name, recording)]
         added = {p: x for p, x in run.added.get(recording.name, {}).items() if self.plant.has(p, recording)}
@@ -236,7 +237,7 @@ class Problem:
         found = self.plant.simulate(there, recording, onsets=onsets, added=added, signals=wanted)
         if not all(np.isfinite(found[channel]).all() for channel in recording.outputs):
             raise SimulationError(f"{recording.name}: the simulation diverges")
-        return found
+        return {**found, **{c: k * found[c] + b for c, (k, b) in run.readings.items() if c in recording.outputs}}
 
     def excess_by_block(self, residual: Vector) -> list[Vector]:
         """Per block of rows: chi-square of means over `BLOCK` samples less its expectation, (n / BLOCK,).
@@ -270,6 +271,12 @@ class Problem:
             time = self.recordings[block.recording].time
             stacked[block.rows] = time - time[0]
         return stacked
+
+
+def _undone(recording: Recording, readings: Mapping[str, tuple[float, float]]) -> Recording:
+    """With its inputs as they were, where these are recorded as gain*there + offset."""
+    there = {n: (recording.inputs[n] - b) / k for n, (k, b) in readings.items() if n in recording.inputs}
+    return replace(recording, inputs=recording.inputs | there) if there else recording
 
 
 def _binned(x: Vector) -> Vector:

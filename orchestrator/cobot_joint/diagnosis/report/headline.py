@@ -9,7 +9,7 @@ from typing import Any
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.repair.gate import fails, removed
-from cobot_joint.diagnosis.report.words import load_history
+from cobot_joint.diagnosis.report.words import load_history, misread
 from cobot_joint.diagnosis.selection.confidence import counted
 
 Json = Mapping[str, Any]
@@ -40,6 +40,9 @@ def verdict_sentence(d: Json, terms: Mapping[str, TermText]) -> str:
         return "Nothing is worth a name: what the system leaves is a background that no listed term predicts better."
     if d["verdict"] == "nothing_missing":
         return "Nothing is missing: inside its tolerances the system explains these recordings down to the noise."
+    if m := d.get("misreading"):
+        takes = f"which alone takes {percent(m['takes'])} of the difference"
+        return f"Undecided: {misread(m)}, {takes}, or the machine lacks something."
     if not findings:
         return "The recordings differ from the system by more than noise and tolerances, and no explanation stands out."
     if d.get("repair") == "withheld":

@@ -22,7 +22,7 @@ def spoken(content: Json) -> dict[str, Any]:
         **content,
         "findings": findings,
         "located": {**located, "words": localization_words.located(located)} if located else {},
-        "next_experiment": next_experiment(content["advice"]),
+        "next_experiment": remedy(content.get("misreading")) or next_experiment(content["advice"]),
         "notes": notes(content),
     }
 
@@ -71,6 +71,33 @@ def pulses(value: np.ndarray[Any, Any]) -> list[np.ndarray[Any, Any]]:
     return np.split(np.arange(len(value)), np.flatnonzero((value[:-1] == 0) & (value[1:] == 0)) + 1)
 
 
+def misread(m: Json) -> str:
+    """A channel's gain and offset, as far as they are any."""
+    gain, offset = m["gain"], m["offset"]
+    said = [f"{gain['value']:.4g} times what is there"] if _excludes(gain, 1.0) else []
+    said += [f"{offset['value']:+.4g} {offset['unit']} off"] if _excludes(offset, 0.0) else []
+    other = f" (or {m['alike']} is misread, which fits as well)" if m["alike"] else ""
+    return f"{m['column']} is logged {' and '.join(said)}{other}"
+
+
+def remedy(m: Json | None) -> str | None:
+    """What to do about a channel that is misread; None: there is none."""
+    if not m:
+        return None
+    keys = [f"scale = {1 / m['gain']['value']:.5g}"] if _excludes(m["gain"], 1.0) else []
+    if _excludes(m["offset"], 0.0):
+        keys.append(f'offset = "{-m["offset"]["value"] / m["gain"]["value"]:.5g} {m["offset"]["unit"]}"')
+    return (
+        f"Hold {m['column']} against another instrument. If its log is wrong, say {', '.join(keys)} for it in "
+        f"[channels] and diagnose again; if it is right, say scale = 1: then it is believed, and the machine is asked."
+    )
+
+
+def _excludes(estimate: Json, value: float) -> bool:
+    low, high = estimate["ci95"]
+    return bool(not low <= value <= high)
+
+
 def next_experiment(advice: Sequence[Json]) -> str | None:
     """What to record next; None where every finding stands alone."""
     return " ".join(dict.fromkeys(_advice(a) for a in advice)) or None
@@ -116,6 +143,8 @@ def left_out(content: Json) -> str | None:
 
 def _unexplained(content: Json) -> list[str]:
     structure = content["structure"]
+    if content.get("misreading"):
+        return []
     if content["verdict"] == "undecided" and not content["findings"]:
         return ["the recordings differ from the re-fitted base model, and nothing that was tried explains how"]
     left, before = structure.get("repaired", 0.0), max(structure.get("calibrated", 0.0), structure.get("repaired", 0.0))

@@ -1,0 +1,165 @@
+"""Before physics is asked: a channel whose log has another gain or offset than it says.
+
+On a real bench that is the commonest fault (a shunt's value, a sensor's sensitivity, a zero), it costs hardly a run to
+look for, and any physics that imitates it is wrong. What a listed term does as well is left to the term.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.candidates.score_test import Scan, scores
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.least_squares import Precision, bounded_step, fit, fit_on
+from cobot_joint.diagnosis.estimation.port_response import same_direction
+from cobot_joint.diagnosis.estimation.problem import Problem, Vector
+from cobot_joint.diagnosis.estimation.reading import Reading
+from cobot_joint.diagnosis.findings import Estimate, Misreading
+
+TRIED = 2  # channels that are fitted
+PROBE = 0.2  # of a natural step, by which an input's reading is moved for a difference quotient
+ROUGH = Precision(settled=20.0, roughly=0.01, steps=12, jacobians=2)
+FINISHED = Precision(settled=10.0, steps=30, jacobians=4)
+
+
+@dataclass
+class Misread:
+    """The base model re-fitted beside a channel's gain and offset.
+
+    predicted: chi-square that these were to take. own: their columns at the calibrated base model, (rows, 2). taken:
+    share of the excess that they take. alike: a channel with which as little is left.
+    """
+
+    fit: Fit
+    predicted: float
+    own: Vector
+    taken: float
+    alike: str = ""
+
+    @property
+    def reading(self) -> Reading:
+        """As it was fitted."""
+        effect = self.fit.hypothesis.effects[-1]
+        assert isinstance(effect, Reading)
+        return effect.at(self.fit.x[-2:])
+
+    def explains(self, problem: Problem) -> bool:
+        """Whether nothing is left."""
+        return not problem.unexplained(self.fit.residual)
+
+    def rivalled(self, problem: Problem, calibrated: Fit, scan: Scan) -> bool:
+        """Whether a listed term is predicted to do as well, or is the same under another name."""
+        columns = scan.columns(calibrated)
+        twins = (c.vectors[0] for c in columns if len(c.vectors) == 1)
+        if any(same_direction(self.own @ self.fit.x[-2:], vector, thresholds.COLLINEAR) for vector in twins):
+            return True
+        return any(score.gain > thresholds.CLOSE * self.predicted for score in scores(problem, calibrated, columns))
+
+    def beats(self, problem: Problem, other: Fit) -> bool:
+        """Whether it leaves so much less that the other is an imitation."""
+        left, others = (max(problem.excess(f.residual), problem.excess_scatter) for f in (self.fit, other))
+        return others > thresholds.TIMES_LESS * left and other.cost - self.fit.cost > problem.evidence
+
+    def told(self, problem: Problem) -> Misreading:
+        """As a diagnosis says it."""
+        reading, k = self.reading, len(self.fit.x) - 2
+        (low, high), shift = self.fit.interval(k), self.fit.interval(k + 1)
+        if reading.drives:  # fitted as what undoes it
+            scale = 1 / reading.gain
+            (low, high), shift = (1 / high, 1 / low), (-shift[1] / scale, -shift[0] / scale)
+        r = next(r for r in problem.recordings if reading.channel in (*r.inputs, *r.outputs))
+        return Misreading(
+            reading.channel,
+            r.columns.get(reading.channel, reading.channel),
+            Estimate(reading.gain, "1", (low, high)),
+            Estimate(reading.offset, r.units.get(reading.channel, "1"), shift),
+            min(self.taken, 1.0),
+            self.alike,
+        )
+
+
+def look_for_misreading(problem: Problem, calibrated: Fit) -> Misread | None:
+    """None: the base model explains the recordings, or no channel's gain and offset take nearly all of what it leaves.
+
+    Channels whose scale somebody gave are believed.
+    """
+    if problem.is_table or not problem.unexplained(calibrated.residual):
+        return None
+    above, before = calibrated.chi2 - problem.samples, max(problem.excess(calibrated.residual), 1e-9)
+    asked = []
+    for reading in _readings(problem):
+        own = _columns(problem, calibrated, reading)
+        if own is not None:
+            asked.append((reading, own, *_predicted(calibrated, reading, own)))
+    asked.sort(key=lambda a: -a[2])
+    fitted: list[Misread] = []
+    for reading, own, gain, coefficients in asked[:TRIED]:
+        abreast = thresholds.ABREAST * asked[0][2] if fitted and fitted[0].explains(problem) else 0.0
+        if gain < max(thresholds.WORTH_FITTING * above, problem.evidence, abreast):
+            break
+        found = _fitted(problem, calibrated, reading.at(coefficients), own)
+        if found is not None and (taken := 1 - problem.excess(found.residual) / before) > thresholds.ENOUGH:
+            fitted.append(Misread(found, gain, own, taken))
+    if not fitted:
+        return None
+    best, *others = sorted(fitted, key=lambda m: m.fit.cost)
+    alike = [m.reading.channel for m in others if m.fit.cost - best.fit.cost < thresholds.ALIKE]
+    return replace(best, alike=alike[0]) if alike else best
+
+
+def _readings(problem: Problem) -> Iterator[Reading]:
+    """Of every channel that moves, unless it is believed."""
+    reaches: dict[str, float] = {}
+    for r in problem.recordings:
+        for name, x in (r.inputs | r.outputs).items():
+            if name not in r.believed:
+                reaches[name] = max(reaches.get(name, 0.0), float(np.nanmax(np.abs(x), initial=0.0)))
+    outputs = {name for r in problem.recordings for name in r.outputs}
+    return (Reading(name, reach, name not in outputs) for name, reach in reaches.items() if reach > 0)
+
+
+def _columns(problem: Problem, at: Fit, reading: Reading) -> Vector | None:
+    """d(simulated)/d(its coordinates), (rows, 2): of an output as it stands, of an input by runs. None: one failed."""
+    if reading.drives:
+        found = problem.simulate([reading.apply(at.run, PROBE * unit) for unit in np.eye(2)])
+        responses = [(f.white - at.simulated.white) / PROBE for f in found if f is not None]
+        return np.column_stack(responses) if len(responses) == 2 else None
+
+    def only(value: Callable[[Vector], Vector]) -> Vector:
+        """Of this channel, nothing in all others."""
+        outputs = [
+            {n: value(np.asarray(found[n])) if n == reading.channel else np.zeros(len(r.time)) for n in r.outputs}
+            for r, found in zip(problem.recordings, at.simulated.outputs, strict=True)
+        ]
+        return problem.whiten(outputs)
+
+    scales = [c.scale for c in reading.coordinates]
+    return np.column_stack([only(lambda y: y), only(np.ones_like)]) * scales
+
+
+def _predicted(at: Fit, reading: Reading, own: Vector) -> tuple[float, Vector]:
+    """Decrease of the cost beyond what a re-fit alone brings, base parameters inside their bounds, and the reading's
+    coordinates."""
+    J, coordinates = np.column_stack([at.jacobian, own]), [*at.hypothesis.coordinates, *reading.coordinates]
+    x, prior = np.concatenate([at.x, reading.start()]), np.append(at.hypothesis.prior, [0.0, 0.0])
+    lower, upper = np.array([c.lower for c in coordinates]) - x, np.array([c.upper for c in coordinates]) - x
+    gram, gradient = J.T @ J + np.diag(prior), J.T @ at.residual - prior * x
+    base = slice(0, len(at.x))
+    alone = bounded_step(gram[base, base], gradient[base], lower[base], upper[base])[1]
+    step, both = bounded_step(gram, gradient, lower, upper)
+    return both - alone, step[-2:]
+
+
+def _fitted(problem: Problem, calibrated: Fit, reading: Reading, own: Vector) -> Fit | None:
+    """The base model re-fitted beside the reading; to its end only where that promises something."""
+    hypothesis = calibrated.hypothesis.with_effects(reading)
+    x = np.concatenate([calibrated.x, reading.start()])
+    begun = fit(problem, hypothesis, x, np.column_stack([calibrated.jacobian, own]), ROUGH)
+    least = (1 - thresholds.HOLDS) * problem.excess(calibrated.residual)
+    if begun is None or problem.excess(begun.residual) > least:
+        return None
+    return fit_on(problem, begun, FINISHED)

@@ -1,0 +1,112 @@
+"""A channel whose log counts otherwise than it says is told from a machine that lacks something."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cobot_joint.diagnosis.candidates.score_test import Scan
+from cobot_joint.diagnosis.engine import diagnose_plant, identify
+from cobot_joint.diagnosis.estimation.problem import Run
+from cobot_joint.diagnosis.estimation.reading import Reading
+from cobot_joint.diagnosis.report.words import misread, remedy
+from cobot_joint.diagnosis.selection.misreading import look_for_misreading
+from tests.orchestrator.diagnosis.axis import Axis, campaign
+from tests.orchestrator.diagnosis.bench import calibrated
+
+LOGS = [
+    ("i_motor", 1.1, 0.0),
+    ("i_motor", 2.0, 0.0),
+    ("w_motor", 1.0, 20.0),
+    ("v_command", 0.8, 0.0),
+    ("i_brake", 1.3, 0.0),
+]
+
+
+@pytest.mark.parametrize(("channel", "gain", "offset"), LOGS)
+def test_a_channel_is_told_with_the_gain_and_offset_of_its_log(channel: str, gain: float, offset: float) -> None:
+    with calibrated({}, log={channel: (gain, offset)}) as (problem, base):
+        found = look_for_misreading(problem, base)
+        assert found is not None
+        assert found.explains(problem)
+        told = found.told(problem)
+        assert told.channel == channel
+        assert told.gain.value == pytest.approx(gain, rel=0.03)
+        assert told.offset.value == pytest.approx(offset, rel=0.03, abs=0.01 * found.reading.reach)
+        assert told.gain.ci95[0] < told.gain.value < told.gain.ci95[1]
+
+
+@pytest.mark.parametrize(("gain", "offset", "term"), [(1.1, 0.0, "gain"), (1.0, 0.3, "offset")])
+def test_what_a_listed_term_says_as_well_is_left_to_the_term(gain: float, offset: float, term: str) -> None:
+    with calibrated({}, log={"tau_sensor": (gain, offset)}) as (problem, base):
+        found = look_for_misreading(problem, base)
+        assert found is not None
+        twin = [t for t in problem.plant.terms if t.name == f"torque_sensor.{term}"]
+        other = [t for t in problem.plant.terms if t.name == "motor_bldc.dead_time"]
+        assert found.rivalled(problem, base, Scan(problem, twin))
+        assert not found.rivalled(problem, base, Scan(problem, other))
+
+
+@pytest.mark.parametrize(
+    "missing",
+    [{"motor_bldc.windage.c": 4e-9}, {"planetary_gear.load_friction.mu": 0.05}, {"motor_bldc.supply_sag.R_s": 0.05}],
+    ids=lambda missing: next(iter(missing)),
+)
+def test_missing_physics_is_no_misreading(missing: dict[str, float]) -> None:
+    with calibrated(missing) as (problem, base):
+        assert problem.unexplained(base.residual)
+        found = look_for_misreading(problem, base)
+        assert found is None or not found.explains(problem)
+
+
+def test_a_channel_whose_scale_was_given_is_believed() -> None:
+    with calibrated({}, log={"w_motor": (1.0, 20.0)}) as (problem, base):
+        problem.recordings = [replace(r, believed={"w_motor"}) for r in problem.recordings]
+        assert look_for_misreading(problem, base) is None
+
+
+def test_a_run_reads_outputs_and_undoes_inputs_as_their_logs_have_them() -> None:
+    with calibrated({}, log={"v_command": (2.0, 0.0)}) as (problem, _), calibrated({}) as (plain, _):
+        read = Run(readings={"v_command": (2.0, 0.0), "i_motor": (2.0, -0.1)})
+        (found,), (there,) = problem.simulate([read]), plain.simulate([Run()])
+        assert found is not None
+        assert there is not None
+        for a, b in zip(found.outputs, there.outputs, strict=True):
+            assert np.array_equal(a["w_motor"], b["w_motor"])
+            assert np.allclose(a["i_motor"], 2 * b["i_motor"] - 0.1)
+
+
+@pytest.mark.parametrize("drives", [False, True])
+def test_coordinates_of_a_reading_lead_back_to_its_gain_and_offset(drives: bool) -> None:
+    reading = Reading("v", 24.0, drives, gain=1.3, offset=-0.7)
+    again = reading.at(reading.start())
+    assert (again.gain, again.offset) == pytest.approx((1.3, -0.7))
+
+
+def test_a_diagnosis_asks_for_the_channel_in_place_of_naming_physics() -> None:
+    case = campaign({})
+    case.recordings = [replace(r, outputs={"w": 1.6 * r.outputs["w"] + 3.0}) for r in case.recordings]
+    for ask in (diagnose_plant, identify):
+        found = ask(case, Axis())
+        assert found.verdict == "undecided"
+        assert found.findings == []
+        assert found.misreading is not None
+        assert found.misreading.channel == "w"
+        assert found.misreading.gain.value == pytest.approx(1.6, rel=0.1)  # its tolerances take the rest
+
+
+def test_words_of_a_misread_channel_say_its_gain_and_what_undoes_it() -> None:
+    said = {
+        "column": "current [mA]",
+        "gain": {"value": 1.1, "ci95": [1.09, 1.11]},
+        "offset": {"value": -0.22, "unit": "A", "ci95": [-0.23, -0.21]},
+        "alike": None,
+    }
+    assert misread(said) == "current [mA] is logged 1.1 times what is there and -0.22 A off"
+    assert 'scale = 0.90909, offset = "0.2 A"' in str(remedy(said))
+    assert remedy(None) is None
+    only = {**said, "gain": {"value": 1.0, "ci95": [0.99, 1.01]}, "alike": "w_motor"}
+    assert misread(only) == "current [mA] is logged -0.22 A off (or w_motor is misread, which fits as well)"
+    assert "scale = 0.9" not in str(remedy(only))

@@ -212,6 +212,7 @@ class Diagnosis:
     crashes: list[str] = field(default_factory=list)  # of units; what was tried then was passed over
     left_out: list[str] = field(default_factory=list)  # for want of time
     misreading: Misreading | None = None  # of a channel, in place of findings
+    refuted: list[str] = field(default_factory=list)  # base parameters that fit outside their tolerances, and predict not
 
     def parameters(self, variant: Literal["nominal", "calibrated", "repaired"]) -> dict[str, float]:
         """Values to simulate that variant with."""
@@ -245,4 +246,5 @@ class Diagnosis:
             | ({"crashes": self.crashes} if self.crashes else {})
             | ({"left_out": self.left_out} if self.left_out else {})
             | ({"misreading": self.misreading.to_json()} if self.misreading else {})
+            | ({"refuted": self.refuted} if self.refuted else {})
         )

@@ -106,6 +106,8 @@ def diagnose_campaign(
 def judge(diagnosis: Diagnosis, predict: Callable[[], Mapping[str, Mapping[str, Any]]] = dict) -> None:
     """Withhold a repair that does not predict, and what was claimed with it.
 
+    A base parameter has no form that could be somewhat off: outside its tolerance without predicting, it is refuted.
+
     predict: role -> channel -> figures of anchored predictions. Asked only where free runs speak against the repair:
     these add up whatever is wrong, and lose angles.
     """
@@ -118,7 +120,9 @@ def judge(diagnosis: Diagnosis, predict: Callable[[], Mapping[str, Mapping[str, 
     if judged(diagnosis.channels) == "offered":
         return
     diagnosis.repair, diagnosis.verdict = "withheld", "undecided"
-    diagnosis.findings = [replace(f, confidence=min(f.confidence, thresholds.WITHHELD)) for f in diagnosis.findings]
+    kept = [f for f in diagnosis.findings if f.term not in diagnosis.calibrated]
+    diagnosis.refuted = [f.term for f in diagnosis.findings if f not in kept]
+    diagnosis.findings = [replace(f, confidence=min(f.confidence, thresholds.WITHHELD)) for f in kept]
 
 
 def anchored(campaign: Campaign, out: Path, calibrated: Mapping[str, float], say: Progress) -> dict[str, Any]:

@@ -129,6 +129,8 @@ def notes(content: Json) -> list[str]:
             if fails(content["channels"]) == "train"
             else "what was found does not predict held-out runs better than the system without it"
         )
+    if refuted := content.get("refuted"):
+        said.append(f"{' and '.join(refuted)} outside the tolerance would fit, but does not predict: that is not it")
     if time_was_up := left_out(content):
         said.append(time_was_up)
     return said + _unexplained(content)

@@ -26,6 +26,16 @@ ROUGH = Precision(settled=20.0, roughly=0.01, steps=12, jacobians=2)
 FINISHED = Precision(settled=10.0, steps=30, jacobians=4)
 
 
+@dataclass(frozen=True)
+class Suspect:
+    """A channel. own: columns of its gain and offset at the calibrated base model, (rows, 2). predicted: chi-square
+    that these take there; reading: as they do."""
+
+    reading: Reading
+    own: Vector
+    predicted: float
+
+
 @dataclass
 class Misread:
     """The base model re-fitted beside a channel's gain and offset.
@@ -90,25 +100,31 @@ def look_for_misreading(problem: Problem, calibrated: Fit) -> Misread | None:
     if problem.is_table or not problem.unexplained(calibrated.residual):
         return None
     above, before = calibrated.chi2 - problem.samples, max(problem.excess(calibrated.residual), 1e-9)
-    asked = []
-    for reading in _readings(problem):
-        own = _columns(problem, calibrated, reading)
-        if own is not None:
-            asked.append((reading, own, *_predicted(calibrated, reading, own)))
-    asked.sort(key=lambda a: -a[2])
+    channels = suspects(problem, calibrated)
     fitted: list[Misread] = []
-    for reading, own, gain, coefficients in asked[:TRIED]:
-        abreast = thresholds.ABREAST * asked[0][2] if fitted and fitted[0].explains(problem) else 0.0
-        if gain < max(thresholds.WORTH_FITTING * above, problem.evidence, abreast):
+    for suspect in channels[:TRIED]:
+        abreast = thresholds.ABREAST * channels[0].predicted if fitted and fitted[0].explains(problem) else 0.0
+        if suspect.predicted < max(thresholds.WORTH_FITTING * above, problem.evidence, abreast):
             break
-        found = _fitted(problem, calibrated, reading.at(coefficients), own)
+        found = _fitted(problem, calibrated, suspect)
         if found is not None and (taken := 1 - problem.excess(found.residual) / before) > thresholds.ENOUGH:
-            fitted.append(Misread(found, gain, own, taken))
+            fitted.append(Misread(found, suspect.predicted, suspect.own, taken))
     if not fitted:
         return None
     best, *others = sorted(fitted, key=lambda m: m.fit.cost)
     alike = [m.reading.channel for m in others if m.fit.cost - best.fit.cost < thresholds.ALIKE]
     return replace(best, alike=alike[0]) if alike else best
+
+
+def suspects(problem: Problem, calibrated: Fit) -> list[Suspect]:
+    """Channels by what their gain and offset are predicted to take, most first; without those that are believed."""
+    found = []
+    for reading in _readings(problem):
+        own = _columns(problem, calibrated, reading)
+        if own is not None:
+            predicted, x = _predicted(calibrated, reading, own)
+            found.append(Suspect(reading.at(x), own, predicted))
+    return sorted(found, key=lambda suspect: -suspect.predicted)
 
 
 def _readings(problem: Problem) -> Iterator[Reading]:
@@ -154,11 +170,11 @@ def _predicted(at: Fit, reading: Reading, own: Vector) -> tuple[float, Vector]:
     return both - alone, step[-2:]
 
 
-def _fitted(problem: Problem, calibrated: Fit, reading: Reading, own: Vector) -> Fit | None:
+def _fitted(problem: Problem, calibrated: Fit, suspect: Suspect) -> Fit | None:
     """The base model re-fitted beside the reading; to its end only where that promises something."""
-    hypothesis = calibrated.hypothesis.with_effects(reading)
-    x = np.concatenate([calibrated.x, reading.start()])
-    begun = fit(problem, hypothesis, x, np.column_stack([calibrated.jacobian, own]), ROUGH)
+    hypothesis = calibrated.hypothesis.with_effects(suspect.reading)
+    x = np.concatenate([calibrated.x, suspect.reading.start()])
+    begun = fit(problem, hypothesis, x, np.column_stack([calibrated.jacobian, suspect.own]), ROUGH)
     least = (1 - thresholds.HOLDS) * problem.excess(calibrated.residual)
     if begun is None or problem.excess(begun.residual) > least:
         return None

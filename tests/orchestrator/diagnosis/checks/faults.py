@@ -2,6 +2,7 @@
 
     python -m tests.orchestrator.diagnosis.checks.faults                                   # noticed
     python -m tests.orchestrator.diagnosis.checks.faults --diagnose ["gain 2" "gain 1.1"]  # named; hours for all faults
+    python -m tests.orchestrator.diagnosis.checks.faults --healthy SETDIR...  # what channels of sound logs would take
 
 Runs of the bench, simulated with noise (noticed: two of proof/open/case01; named: those of case04, in which nothing is
 missing), have one fault in one channel at a time.
@@ -23,11 +24,14 @@ from cobot_joint.diagnosis.checks.suspicions import suspicions
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.data.suspicion import Suspicion
-from cobot_joint.diagnosis.engine import identify
+from cobot_joint.diagnosis.engine import calibrate, identify
+from cobot_joint.diagnosis.estimation.problem import one_blas_thread
 from cobot_joint.diagnosis.findings import Diagnosis, Finding
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.simulator import Simulator
 from cobot_joint.diagnosis.report.words import misread
+from cobot_joint.diagnosis.selection.misreading import suspects
+from cobot_joint.diagnosis.store import Store
 
 Vector = NDArray[np.float64]
 Fault = Callable[[Vector, Recording, float], Vector]  # of a channel in one run; its largest value in all of them
@@ -130,6 +134,21 @@ def name_them(faults: Sequence[str]) -> None:
             print(f"| {words} | {name} | {cell(seen, name)} | {said(found)} | {seconds:.0f} |", flush=True)
 
 
+def suspected(sets: Sequence[str]) -> None:
+    """Of what is above noise in each campaign, the share that the gain and offset of the most suspicious channel are
+    predicted to take. Where the campaigns' channels are sound, all of it is chance or physics."""
+    print("| campaign | channel | share |\n|---|---|---|")
+    for path in sorted(p for folder in sets for p in Path(folder).glob("case*/campaign.toml")):
+        campaign = load_campaign(path, roles=("train",))
+        with FmuPlant(campaign.systems()) as plant, one_blas_thread():
+            problem, calibrated = calibrate(campaign, plant, lambda words: None, Store(None))
+            if not problem.unexplained(calibrated.residual):
+                continue
+            worst = suspects(problem, calibrated)[0]
+        share = worst.predicted / (calibrated.chi2 - problem.samples)
+        print(f"| {path.parent.parent.name}/{path.parent.name} | {worst.reading.channel} | {share:.3f} |", flush=True)
+
+
 def notice() -> None:
     """The table of what is noticed."""
     campaign = load_campaign(CASE, roles=("train",))
@@ -141,4 +160,5 @@ def notice() -> None:
 
 
 if __name__ == "__main__":
-    name_them(sys.argv[2:]) if sys.argv[1:2] == ["--diagnose"] else notice()
+    tables = {"--diagnose": name_them, "--healthy": suspected}
+    tables[sys.argv[1]](sys.argv[2:]) if sys.argv[1:] else notice()

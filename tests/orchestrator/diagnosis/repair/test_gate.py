@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from cobot_joint.diagnosis.findings import Diagnosis, Finding
+from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding
 from cobot_joint.diagnosis.repair.gate import calibration_misleads, judged, removed
 from cobot_joint.diagnosis.report.headline import verdict_sentence
 from cobot_joint.diagnosis.report.words import notes
@@ -50,6 +50,16 @@ def test_a_withheld_repair_is_undecided_without_a_percentage_or_a_claim() -> Non
     sentence = verdict_sentence(diagnosis.to_json(), {})
     assert sentence.startswith("Undecided")
     assert "%" not in sentence
+
+
+def test_a_base_parameter_outside_its_tolerance_that_does_not_predict_is_refuted_and_not_listed() -> None:
+    found = [Finding(name, (), 0.9, None, {}, dict(WHERE), 1e6) for name in ("axis.friction.d", "axis.stribeck")]
+    calibrated = {"axis.friction.d": Estimate(1.0, "N.m.s/rad", (0.9, 1.1))}
+    diagnosis = Diagnosis("explained", found, calibrated, {}, channels=channels(0.5, 0.6, 15.0))
+    judge(diagnosis)
+    assert [f.term for f in diagnosis.findings] == ["axis.stribeck"]
+    assert diagnosis.to_json()["refuted"] == ["axis.friction.d"]
+    assert any("axis.friction.d outside the tolerance would fit" in note for note in notes(diagnosis.to_json()))
 
 
 def test_what_a_repair_removes_is_counted_against_the_better_of_nominal_and_calibrated() -> None:

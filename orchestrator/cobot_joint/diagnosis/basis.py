@@ -31,7 +31,7 @@ def of_campaign(campaign: Campaign, systems: Mapping[str, System]) -> dict[str, 
         "program": program(),
         "systems": {setup: content(system) for setup, system in systems.items()},
         "settings": _fields(campaign, ELSEWHERE),
-        "recordings": [_fields(recording, {"path", "notes", "believed"}) for recording in campaign.train],
+        "recordings": [_fields(recording, {"path", "notes"}) for recording in campaign.train],
     }
 
 

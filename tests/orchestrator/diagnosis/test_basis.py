@@ -113,6 +113,7 @@ EDITS = {
     "nominal value": edit("campaign.toml", "[channels]", '[parameters]\n"motor_bldc.winding.R" = 0.3\n[channels]'),
     "start value": edit("campaign.toml", "1.0 }", "1.5 }"),
     "role": edit("campaign.toml", 'role = "holdout"', 'role = "train"'),
+    "a scale that was looked at": edit("campaign.toml", '= "w_motor"', '= { to = "w_motor", scale = 1 }'),
     "window": edit("campaign.toml", 'file = "run.parquet"', 'file = "run.parquet"\nend = 0.04'),
 }
 

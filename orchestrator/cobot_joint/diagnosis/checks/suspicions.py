@@ -35,6 +35,7 @@ def suspicions(recordings: Sequence[Recording]) -> list[Suspicion]:
 def _of_recording(r: Recording) -> Iterator[Suspicion]:
     moving = False
     yield from _duplicates(r)
+    yield from (Suspicion(r.name, name, "outlier", words) for name, words in r.wild.items())
     yield from (Suspicion(r.name, n, "outlier", words) for n, x in r.inputs.items() if (words := outlier(x)))
     for name, x in r.outputs.items():
         known = x[np.isfinite(x)]

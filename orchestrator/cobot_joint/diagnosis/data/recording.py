@@ -15,6 +15,7 @@ from cobot_joint.diagnosis.data.clock import FEWEST, fill, regular_clock, resamp
 from cobot_joint.diagnosis.data.delimited import Layout
 from cobot_joint.diagnosis.data.formats import Channel, Log, nearest, read_log
 from cobot_joint.diagnosis.data.quantity import convert, product, split_header
+from cobot_joint.diagnosis.data.wild_samples import without_wild
 from cobot_joint.errors import UserError, among
 
 Role = Literal["train", "holdout"]
@@ -52,6 +53,7 @@ class Recording:
     notes: list[str] = field(default_factory=list)
     path: Path | None = None
     scatter: dict[str, float] = field(default_factory=dict)  # of a table: 1 sigma per output; time is no time then
+    wild: dict[str, str] = field(default_factory=dict)  # connector -> samples that were taken out, in words
 
     @property
     def step(self) -> float:
@@ -112,11 +114,14 @@ def read_recording(
     inputs: dict[str, NDArray[np.float64]] = {}
     outputs: dict[str, NDArray[np.float64]] = {}
     units, positions = {}, {}
+    wild: dict[str, str] = {}
     for name, channel in raw.items():
         _, header, column = found[name]
         target = connectors[name].unit
         counted = product(target, "s", str(path)) if column.derivative and target else target
         values, units[name] = _in_unit(path, channel, header, column, counted, notes)
+        values, taken_out = (values, "") if steady or column.believed else without_wild(values)
+        wild |= {name: taken_out} if taken_out else {}
         series = resample(channel.name, channel.time, values, time, notes)
         if connectors[name].causality == "input":
             series = fill(path, channel.name, time, series, notes)
@@ -137,6 +142,7 @@ def read_recording(
         believed={name for name, (_, _, column) in found.items() if column.believed},
         notes=_grouped(notes, len(raw)),
         path=path,
+        wild=wild,
     )
 
 

@@ -24,6 +24,7 @@ from cobot_joint.diagnosis.checks.suspicions import suspicions
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.data.suspicion import Suspicion
+from cobot_joint.diagnosis.data.wild_samples import without_wild
 from cobot_joint.diagnosis.engine import calibrate, identify
 from cobot_joint.diagnosis.estimation.problem import one_blas_thread
 from cobot_joint.diagnosis.findings import Diagnosis, Finding
@@ -82,7 +83,11 @@ def faulty(recordings: list[Recording], name: str, fault: Fault) -> list[Recordi
     def one(r: Recording) -> Recording:
         kind = "inputs" if name in r.inputs else "outputs"
         series = dict(getattr(r, kind))
-        return replace(r, **{kind: series | {name: fault(series[name], r, reach)}}) if name in series else r
+        if name not in series:
+            return r
+        x, wild = without_wild(fault(series[name], r, reach))  # as when it is read
+        x = np.interp(r.time, r.time[np.isfinite(x)], x[np.isfinite(x)]) if name in r.inputs else x
+        return replace(r, **{kind: series | {name: x}}, wild={name: wild} if wild else {})
 
     return list(map(one, recordings))
 

@@ -10,6 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
+from cobot_joint.diagnosis.checks.suspicions import suspicions
 from cobot_joint.diagnosis.data.quantity import convert, split_header
 from cobot_joint.diagnosis.data.recording import Column, Connector, Reading, Recording, read_recording
 from cobot_joint.errors import UserError
@@ -72,6 +73,35 @@ def test_a_gap_masks_outputs_bridges_inputs_and_is_said(tmp_path: Path) -> None:
     assert np.allclose(r.inputs["v"], SIGNALS["v [V]"], atol=1e-12)
     assert "every channel: 1 gaps, 50 of 1000 samples, first at 0.4 s" in r.notes
     assert "v drives the system: 50 samples that were not recorded are bridged in a straight line" in r.notes
+
+
+def test_a_wild_sample_is_taken_out_and_said_and_an_input_is_bridged_there(tmp_path: Path) -> None:
+    wild = {n: np.where(np.isin(np.arange(1000), [200, 201, 700]), 1e6, x) for n, x in SIGNALS.items()}
+    r = read(tmp_path, T, wild)
+    assert np.isnan(r.outputs["w"][200:202]).all()
+    there = np.isfinite(r.outputs["w"])
+    assert there.sum() >= 997
+    assert np.allclose(r.outputs["w"][there], SIGNALS["w [rad/s]"][there], atol=0.02)  # one that is missing is bridged
+    assert np.allclose(r.inputs["v"], SIGNALS["v [V]"])
+    assert r.wild["i"].startswith("3 samples lie far outside, first 1e+06 among")
+    (said,) = [s for s in suspicions([r]) if s.channel == "w"]
+    assert (said.kind, said.wrong) == ("outlier", False)
+
+
+def test_a_pulse_of_three_samples_is_no_wild_sample(tmp_path: Path) -> None:
+    pulse = {n: np.where(np.isin(np.arange(1000), [200, 201, 202]), 1e6, x) for n, x in SIGNALS.items()}
+    r = read(tmp_path, T, pulse)
+    assert r.wild == {}
+    assert r.outputs["w"][201] == 1e6
+
+
+def test_a_wild_sample_of_a_column_that_somebody_looked_at_is_meant(tmp_path: Path) -> None:
+    wild = {n: np.where(np.arange(1000) == 200, 1e6, x) for n, x in SIGNALS.items()}
+    pa.parquet.write_table(pa.table({"time [s]": T} | wild), tmp_path / "run.parquet")
+    columns = {"v": "v", "w": Column("w", believed=True), "i": "i"}
+    r = read_recording(tmp_path / "run.parquet", CONNECTORS, columns, Reading())
+    assert r.outputs["w"][200] == 1e6
+    assert set(r.wild) == {"v", "i"}
 
 
 def test_values_that_are_missing_are_masked_and_said(tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ from cobot_joint.diagnosis.report.headline import NOT_COUNTED, TermText, how_sur
 from cobot_joint.diagnosis.report.overlays import LEVELS, binned, over_signals
 from cobot_joint.diagnosis.report.pictures import of_panels
 from cobot_joint.diagnosis.report.report import ReportData, render, write_report
+from cobot_joint.diagnosis.report.words import remedy
 from cobot_joint.diagnosis.selection.confidence import COUNTED, COUNTED_TERMS
 from cobot_joint.mathml import typeset
 from cobot_joint.results.figures import COLOUR, Curve, Panel
@@ -106,6 +107,21 @@ def words(text: str) -> str:
 )
 def test_the_verdict_is_one_sentence_at_the_top(verdict: str, findings: list[dict], sentence: str) -> None:
     assert sentence in words(render(data(verdict, findings)))[:600]
+
+
+def test_a_misread_channel_is_the_verdict_and_what_undoes_it_the_next_step() -> None:
+    misread = {
+        "column": "current",
+        "gain": {"value": 1.1, "ci95": [1.099, 1.101]},
+        "offset": {"value": 0.0, "unit": "A", "ci95": [-1e-3, 1e-3]},
+        "takes": 0.9997,
+        "alike": None,
+    }
+    report = data("undecided", [])
+    told = {**report.diagnosis, "misreading": misread, "next_experiment": remedy(misread)}
+    text = words(render(replace(report, diagnosis=told)))
+    assert "Undecided: current is logged 1.1 times what is there, which alone takes 99.9 % of the difference" in text
+    assert "say scale = 0.90909 for it in [channels]" in text
 
 
 def test_the_report_says_where_what_how_sure_and_what_else() -> None:

@@ -1,4 +1,4 @@
-"""One regular clock for a recording: stamps in order, gaps and jitter seen, channels put on it."""
+"""One regular clock for a recording: stamps in order, gaps, jitter and wild samples seen, channels put on it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.errors import UserError
@@ -16,6 +17,9 @@ FEWEST = 16  # samples of which anything can be said
 SPARSEST = 10  # steps per sample above which a clock is not one
 SLOWEST, LONG = 0.5, 3600.0  # s between samples, and in all, beyond which a log is no drive's unless it says so
 JITTER = 1e-3  # steps by which a stamp may miss the regular clock before its samples are interpolated onto it
+MEDIAN = 5  # samples of a running median: one or two in a row are wild, three are motion
+FAR = 20.0  # times the range of all but a hundredth of the samples
+LEAST = 50  # samples from which on a range is one
 
 
 def regular_clock(
@@ -144,6 +148,26 @@ def resample(
             f"{name}: {gaps} gaps, {int(lost.sum())} of {len(clock)} samples, first at {clock[np.argmax(lost)]:g} s"
         )
     return np.where(lost, np.nan, series)
+
+
+def without_wild(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:
+    """The series with NaN (not recorded) for wild samples, (n,), and what was taken out in words; "": nothing.
+
+    Samples that no machine makes, a bit that fell over on the way: one of them outweighs all others in a fit. Told by a
+    running median (Hampel 1974, J. Am. Stat. Assoc. 69(346)), since that of five follows whatever lasts for three.
+    """
+    known = np.flatnonzero(np.isfinite(x))
+    if len(known) < LEAST:
+        return x, ""
+    y = x[known]
+    low, high = np.quantile(y, [0.005, 0.995])
+    wild = known[np.abs(y - median_filter(y, MEDIAN, mode="nearest")) > FAR * (high - low)]
+    if high <= low or not len(wild):
+        return x, ""
+    left = x.copy()
+    left[wild] = np.nan
+    count = "1 sample lies" if len(wild) == 1 else f"{len(wild)} samples lie"
+    return left, f"{count} far outside, first {x[wild[0]]:.4g} among {low:.4g} to {high:.4g}: taken as not recorded"
 
 
 def fill(

@@ -11,11 +11,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.diagnosis.data.clock import FEWEST, fill, regular_clock, resample
+from cobot_joint.diagnosis.data.clock import FEWEST, fill, regular_clock, resample, without_wild
 from cobot_joint.diagnosis.data.delimited import Layout
 from cobot_joint.diagnosis.data.formats import Channel, Log, nearest, read_log
 from cobot_joint.diagnosis.data.quantity import convert, product, split_header
-from cobot_joint.diagnosis.data.wild_samples import without_wild
 from cobot_joint.errors import UserError, among
 
 Role = Literal["train", "holdout"]

@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from cobot_joint.diagnosis.checks.beside_nominal import beside_nominal
 from cobot_joint.diagnosis.checks.suspicions import suspicions
 from cobot_joint.diagnosis.data.campaign import load_campaign
+from cobot_joint.diagnosis.data.clock import without_wild
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.data.suspicion import Suspicion
-from cobot_joint.diagnosis.data.wild_samples import without_wild
 from cobot_joint.diagnosis.engine import calibrate, identify
 from cobot_joint.diagnosis.estimation.problem import one_blas_thread
 from cobot_joint.diagnosis.findings import Diagnosis, Finding

@@ -130,7 +130,9 @@ def notes(content: Json) -> list[str]:
             else "what was found does not predict held-out runs better than the system without it"
         )
     if refuted := content.get("refuted"):
-        said.append(f"{' and '.join(refuted)} outside the tolerance would fit, but does not predict: that is not it")
+        one = "outside its tolerance fits, and does not predict"
+        several = "outside their tolerances fit, and do not predict"
+        said.append(f"{' and '.join(refuted)} {one if len(refuted) == 1 else several}: that is not it")
     if time_was_up := left_out(content):
         said.append(time_was_up)
     return said + _unexplained(content)

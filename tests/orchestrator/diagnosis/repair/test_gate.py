@@ -59,7 +59,8 @@ def test_a_base_parameter_outside_its_tolerance_that_does_not_predict_is_refuted
     judge(diagnosis)
     assert [f.term for f in diagnosis.findings] == ["axis.stribeck"]
     assert diagnosis.to_json()["refuted"] == ["axis.friction.d"]
-    assert any("axis.friction.d outside its tolerance fits, and does not predict" in note for note in notes(diagnosis.to_json()))
+    said = "axis.friction.d outside its tolerance fits, and does not predict"
+    assert any(said in note for note in notes(diagnosis.to_json()))
 
 
 def test_what_a_repair_removes_is_counted_against_the_better_of_nominal_and_calibrated() -> None:

@@ -212,9 +212,7 @@ class Diagnosis:
     crashes: list[str] = field(default_factory=list)  # of units; what was tried then was passed over
     left_out: list[str] = field(default_factory=list)  # for want of time
     misreading: Misreading | None = None  # of a channel, in place of findings
-    refuted: list[str] = field(
-        default_factory=list
-    )  # base parameters that fit outside their tolerances, and predict not
+    refuted: list[str] = field(default_factory=list)  # base parameters whose withheld repair does not predict
 
     def parameters(self, variant: Literal["nominal", "calibrated", "repaired"]) -> dict[str, float]:
         """Values to simulate that variant with."""

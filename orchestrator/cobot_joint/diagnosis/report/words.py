@@ -73,9 +73,9 @@ def pulses(value: np.ndarray[Any, Any]) -> list[np.ndarray[Any, Any]]:
 
 def misread(m: Json) -> str:
     """A channel's gain and offset, as far as they are any."""
-    gain, offset = m["gain"], m["offset"]
-    said = [f"{gain['value']:.4g} times what is there"] if _excludes(gain, 1.0) else []
-    said += [f"{offset['value']:+.4g} {offset['unit']} off"] if _excludes(offset, 0.0) else []
+    gain, offset = _off(m)
+    said = [f"{m['gain']['value']:.4g} times what is there"] if gain else []
+    said += [f"{m['offset']['value']:+.4g} {m['offset']['unit']} off"] if offset else []
     other = f" (or {m['alike']} is misread, which fits as well)" if m["alike"] else ""
     return f"{m['column']} is logged {' and '.join(said)}{other}"
 
@@ -84,13 +84,20 @@ def remedy(m: Json | None) -> str | None:
     """What to do about a channel that is misread; None: there is none."""
     if not m:
         return None
-    keys = [f"scale = {1 / m['gain']['value']:.5g}"] if _excludes(m["gain"], 1.0) else []
-    if _excludes(m["offset"], 0.0):
-        keys.append(f'offset = "{-m["offset"]["value"] / m["gain"]["value"]:.5g} {m["offset"]["unit"]}"')
+    gain, offset = _off(m)
+    keys = [f"scale = {1 / m['gain']['value']:.5g}"] if gain else []
+    shift = -m["offset"]["value"] / m["gain"]["value"]
+    keys += [f'offset = "{shift:.5g} {m["offset"]["unit"]}"'] if offset else []
     return (
         f"Hold {m['column']} against another instrument. If its log is wrong, say {', '.join(keys)} for it in "
         f"[channels] and diagnose again; if it is right, say scale = 1: then it is believed, and the machine is asked."
     )
+
+
+def _off(m: Json) -> tuple[bool, bool]:
+    """Whether gain and offset are off beyond their intervals; both, where it takes both of them together."""
+    found = _excludes(m["gain"], 1.0), _excludes(m["offset"], 0.0)
+    return found if any(found) else (True, True)
 
 
 def _excludes(estimate: Json, value: float) -> bool:

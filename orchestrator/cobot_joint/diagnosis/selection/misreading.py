@@ -1,7 +1,7 @@
 """Before physics is asked: a channel whose log has another gain or offset than it says.
 
-On a real bench that is the commonest fault (a shunt's value, a sensor's sensitivity, a zero), it costs hardly a run to
-look for, and any physics that imitates it is wrong. What a listed term does as well is left to the term.
+A shunt's value, a sensor's sensitivity, a zero: it costs hardly a run to look for, and physics that imitates it would
+be named with confidence. What a listed term does as well is left to the term.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from cobot_joint.diagnosis.findings import Estimate, Misreading
 
 TRIED = 2  # channels that are fitted
 PROBE = 0.2  # of a natural step, by which an input's reading is moved for a difference quotient
-ROUGH = Precision(settled=20.0, roughly=0.01, steps=12, jacobians=2)
-FINISHED = Precision(settled=10.0, steps=30, jacobians=4)
+ROUGH = Precision(settled=20.0, roughly=0.01, steps=12, jacobians=2)  # of a fit that has to show promise
+FINISHED = Precision(settled=10.0, steps=30, jacobians=4)  # of one that counts: gain and base parameters go together
 
 
 @dataclass(frozen=True)

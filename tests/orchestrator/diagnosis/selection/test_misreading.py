@@ -110,3 +110,6 @@ def test_words_of_a_misread_channel_say_its_gain_and_what_undoes_it() -> None:
     only = {**said, "gain": {"value": 1.0, "ci95": [0.99, 1.01]}, "alike": "w_motor"}
     assert misread(only) == "current [mA] is logged -0.22 A off (or w_motor is misread, which fits as well)"
     assert "scale = 0.9" not in str(remedy(only))
+    neither = {**only, "offset": {"value": -0.22, "unit": "A", "ci95": [-0.5, 0.1]}, "alike": None}
+    assert misread(neither) == "current [mA] is logged 1 times what is there and -0.22 A off"
+    assert 'scale = 1, offset = "0.22 A"' in str(remedy(neither))

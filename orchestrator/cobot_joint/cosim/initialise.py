@@ -42,19 +42,20 @@ def initialise(
 
 def _pass_on(group: Sequence[Connection], instances: Mapping[str, Instance], inputs: Mapping[str, float]) -> None:
     """One wire, or the wires of an algebraic loop, swept until their values no longer change."""
-    last: dict[Connection, float] = {}
+    last: dict[int, float] = {}
+    loops = len(group) > 1 or group[0].source_component == group[0].sink_component
     for _ in range(MOST_SWEEPS):
-        moved = None
-        for wire in group:
+        moved = False
+        for k, wire in enumerate(group):
             value = _source_value(wire, instances, inputs)
             if value is None:
                 continue
-            if wire not in last or abs(value - last[wire]) > SETTLED * (1 + abs(value)):
-                last[wire], moved = value, wire
+            if k not in last or abs(value - last[k]) > SETTLED * (1 + abs(value)):
+                last[k], moved = value, True
                 sink = instances[str(wire.sink_component)]
                 with sink.explained(f"on taking {wire.name} = {value:g} during initialisation"):
                     sink.set(wire.sink, value)
-        if moved is None:
+        if not (moved and loops):
             return
     loop = ", ".join(wire.name for wire in group)
     raise SimulationError(f"initial values do not settle in {MOST_SWEEPS} sweeps over the loop {loop}")

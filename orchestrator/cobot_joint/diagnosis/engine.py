@@ -246,8 +246,11 @@ def _beyond_the_list(
     if unmodelled and (not background or _leaves_nothing(problem, unmodelled)):
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
     asked = much and follows and not takes_most and budget.allows("the recorded motion")
+    in_runs = [c.term for c in listed.ranking[0]] if listed.ranking else []
     found = (
-        store.remember("anchored", _basis(campaign), lambda: follow(campaign, problem.plant, say)) if asked else None
+        store.remember("anchored", _basis(campaign), lambda: follow(campaign, problem.plant, say, in_runs))
+        if asked
+        else None
     )
     stands = listed.selected if left < thresholds.REMAINDER * before else []
     if found and stands and found.supports(stands[0].term):

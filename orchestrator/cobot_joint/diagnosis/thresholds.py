@@ -33,7 +33,7 @@ ALIKE_SHARE = 0.05  # the same, as a share of the excess that the best fit leave
 MOST_NAMES = 4  # that one finding may carry: the scorers' rule, ../shared/score.py
 
 # -- which fits are tried (they decide what is looked at)
-PROMISING_SHAPE = 0.03  # of the best gain, that a term needs for other shapes to be tried: true ones had 0.39 [count]
+PROMISING_SHAPE = 0.1  # of the best gain, that a term needs for other shapes to be tried: true ones had 0.39 [count]
 # A load needs the next share of all above noise, a further term of what is left; true further terms had 0.95 or more,
 # beside a background the best had 0.05 [naming].
 WORTH_FITTING = 0.3  # of the best predicted gain, that a term needs to be fitted: true ones had 0.39 [count]

@@ -7,6 +7,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
+from fmpy.model_description import ModelVariable
+
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import Component, System, Value
 from cobot_joint.units import Unit
@@ -41,8 +43,8 @@ def checked(unit: Unit, name: str, value: Value | str, where: str) -> Value:
     What has named values takes them by name or number. UserError: says what was given and what is allowed.
     """
     variable = unit.variables.get(name)
-    settable = [v.name for v in unit.variables.values() if v.start is not None and v.variability != "constant"]
-    if variable is None or variable.name not in settable:
+    if variable is None or not _settable(variable):
+        settable = [v.name for v in unit.variables.values() if _settable(v)]
         near = difflib.get_close_matches(name, settable, n=5, cutoff=0.5) or settable
         what = "no variable" if variable is None else "not a parameter"
         raise UserError(f"{where}: {what} of {unit.path.name}, allowed are {among(near)}")
@@ -59,6 +61,10 @@ def checked(unit: Unit, name: str, value: Value | str, where: str) -> Value:
         high = "any" if upper is None else f"{upper:g}"
         raise UserError(f"{where}: {number:g}{suffix} is given, {low} to {high}{suffix} is allowed ({unit.path.name})")
     return number
+
+
+def _settable(variable: ModelVariable) -> bool:
+    return variable.start is not None and variable.variability != "constant"
 
 
 def _number(value: Value | str, kind: str, where: str) -> Value:

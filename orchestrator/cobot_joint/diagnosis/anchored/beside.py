@@ -167,6 +167,11 @@ class Beside:
         """Log likelihood that it adds to each of `blocks`, all fitted to the others: (blocks,)"""
         return self.regression.predicted(self._products(self._white(found.effect)), found.added.variances)
 
+    def predicted_outside(self, name: str, bound: float) -> Array:
+        """Log likelihood that a base parameter outside its tolerance adds to each of `blocks`, all fitted to the
+        others, over being held at the bound, which is so much from the value that it has now: (blocks,)"""
+        return self.regression.predicted_free(self.names.index(name), bound)
+
     def _since(self, effect: Effect, onset: float) -> Effect:
         """The same from a time on."""
         on = [t.tracked.time >= onset for t in self.trackings]

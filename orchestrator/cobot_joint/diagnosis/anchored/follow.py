@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis.anchored.search import Progress, Search, Searcher
 from cobot_joint.diagnosis.anchored.tracks import Tracker
@@ -22,15 +24,15 @@ def can_follow(campaign: Campaign, plant: Plant) -> bool:
     return not any(recording.scatter or _motion_is_given(recording) for recording in campaign.train)
 
 
-def follow(campaign: Campaign, plant: Plant, say: Progress) -> Search | None:
-    """None: none of the recordings can be followed. The plant is one that `can_follow`."""
+def follow(campaign: Campaign, plant: Plant, say: Progress, in_runs: Collection[str]) -> Search | None:
+    """None: none of the recordings can be followed. The plant is one that `can_follow`. in_runs: see Searcher."""
     assert isinstance(plant, FmuPlant)
     bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
     bounds = {name: (low, high) for name, (low, high) in bounds.items() if low < high}
     terms = [t for t in plant.terms if any(plant.has(t.name, r) for r in campaign.train)]
     with Tracker(plant, campaign.train, noise_of(campaign)) as tracker:
         try:
-            return Searcher(plant, tracker, bounds, terms, say).search()
+            return Searcher(plant, tracker, bounds, terms, say, in_runs).search()
         except SimulationError as error:
             say(f"the recordings cannot be followed: {error}")
             return None

@@ -135,6 +135,18 @@ class Regression:
                          - _likelihood(without, wide[block][:-k, :-k], g[block][:-k]))  # fmt: skip
         return np.array(found)
 
+    def predicted_free(self, k: int, bound: float) -> Array:
+        """Log likelihood that coefficient k adds to each block where it is free rather than held at a bound, all fitted
+        to the other blocks: (blocks,). 0: the other blocks do not press against the bound, from where it lies."""
+        found, total, pull = [], self.columns.gram.sum(axis=0), self.columns.gradient.sum(axis=0)
+        side = np.sign(self.theta[k] - bound)
+        for gram, gradient in zip(self.columns.gram, self.columns.gradient, strict=True):
+            free, covariance = self._solved(self.variances, total - gram, pull - gradient, 0)
+            beyond = side * max(side * (free[k] - bound), 0.0)
+            held = free - covariance[:, k] / covariance[k, k] * beyond
+            found.append(_likelihood(free, gram, gradient) - _likelihood(held, gram, gradient))
+        return np.array(found)
+
     def _own(self, more: Products) -> Array | None:
         """What of the columns' products no other column can stand in for; None: nothing but rounding."""
         total, across = more.gram.sum(axis=0), more.cross.sum(axis=0)

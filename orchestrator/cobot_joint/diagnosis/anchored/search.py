@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -70,9 +70,10 @@ class Named:
 
 
 def confidence(named: Named) -> float:
-    """0..1, by the evidence, and by how near the best of the others came."""
+    """0..1, by the evidence as far as it predicts, and by how near the best of the others came."""
     share = max(named.next_best, 0.0) / max(named.evidence, 1.0)
-    score = INTERCEPT + COEFFICIENT * math.log10(max(named.evidence, 1.0)) + NEXT_BEST * share
+    proven = max(min(named.evidence, named.predicted), 1.0)
+    score = INTERCEPT + COEFFICIENT * math.log10(proven) + NEXT_BEST * share
     return round(min(1 / (1 + math.exp(-score)), MOST), 3)
 
 
@@ -101,13 +102,20 @@ class Search:
 
 
 class Searcher:
-    """bounds: base parameters -> what their tolerances allow. terms: what may be named."""
+    """bounds: base parameters -> what their tolerances allow. terms: what may be named. in_runs: of these, what free
+    runs point to; a term with a memory is what it does to them."""
 
     def __init__(
-        self, plant: FmuPlant, tracker: Tracker, bounds: Bounds, terms: Sequence[TermCandidate], say: Progress
+        self,
+        plant: FmuPlant,
+        tracker: Tracker,
+        bounds: Bounds,
+        terms: Sequence[TermCandidate],
+        say: Progress,
+        in_runs: Collection[str],
     ) -> None:
         self.plant, self.tracker, self.say = plant, tracker, say
-        self.bounds, self.terms = dict(bounds), list(terms)
+        self.bounds, self.terms, self.in_runs = dict(bounds), list(terms), set(in_runs)
         self._base_runs: dict[object, list[NDArray[np.float64]] | None] = {}  # of one point of the search
         self._phases = {t.phase for t in terms}
         self._pointed: set[str] = set()  # terms that the first look pointed to
@@ -146,8 +154,10 @@ class Searcher:
 
     def _settle(self, found: Search, most: int) -> Beside:
         """Follow the recordings, and again with the free parameters where they are most likely, while that brings more
-        than a term would have to."""
+        than a further term would have to."""
         at, before = self._follow(found), dict(found.values)
+        taken = max((named.evidence for named in found.named), default=0.0)
+        enough = max(thresholds.ANCHORED_EVIDENCE, thresholds.ANCHORED_ALIKE_SHARE * taken)
         for n in range(most):
             for name, (off, _) in at.corrections.items():
                 found.values[name] = self._moved(found, name, off)
@@ -158,7 +168,7 @@ class Searcher:
                 found.values = before
                 return self._follow(found)
             at, before = then, dict(found.values)
-            if more < thresholds.ANCHORED_EVIDENCE:
+            if more < enough:
                 break
         return at
 
@@ -195,7 +205,7 @@ class Searcher:
         for n, term in enumerate(pool):
             self.say(f"{term.name}, {n + 1} of {len(pool)}")
             outside = term.name in self.bounds
-            candidate = at.candidate(term) or (None if outside else self._by_runs(found, at, term))
+            candidate = at.candidate(term) or (self._by_runs(found, at, term) if term.name in self.in_runs else None)
             candidate = self._outside(found, at, candidate) if candidate and outside else candidate
             if candidate is not None:
                 ranked.append(candidate)
@@ -211,8 +221,9 @@ class Searcher:
             patch = best.term.name in self.bounds and best.evidence < taken  # of what a term's form leaves
             if best.evidence < least or patch or any(best.term.name in p.alike for p in likely):
                 continue
-            predicted = at.predicted(best)
-            if best.term.name in self.bounds or trimmed_sum(predicted) > 0:
+            outside = best.term.name in self.bounds
+            predicted = self._outside_predicts(found, at, best.term.name) if outside else at.predicted(best)
+            if trimmed_sum(predicted) > 0:
                 likely.append(self._named(at, best, ranked[n + 1 :], predicted))
         return likely
 
@@ -268,6 +279,12 @@ class Searcher:
         results = at_once(of_one, recordings)
         ended = [outputs for outputs in results if outputs is not None]
         return ended if len(ended) == len(results) else None
+
+    def _outside_predicts(self, found: Search, at: Beside, name: str) -> NDArray[np.float64]:
+        """Of a base parameter beyond a bound: what that adds to blocks that it was not fitted to, (blocks,)"""
+        value, (low, high) = self._value(found, name), self.bounds[name]
+        bound = high if value + at.corrections[name][0] > high else low
+        return at.predicted_outside(name, bound - value)
 
     def _outside(self, found: Search, at: Beside, candidate: Candidate) -> Candidate | None:
         """A base parameter is an answer of its own where its tolerance holds it back: by as much as the recordings are

@@ -60,7 +60,8 @@ def out_of_local_minimum(problem: Problem, found: Fit, precision: Precision) -> 
         return found
     at = found
     for slow in scales:
-        begun = fit(slow, found.hypothesis, at.x, None, ON_THE_WAY)
+        known = slow.of(found.jacobian) if at is found else None
+        begun = fit(slow, found.hypothesis, at.x, known, ON_THE_WAY)
         if begun is None or (_is_far(slow, found) and not _lost(slow, found, begun.chi2)):
             return found  # another form is missing, not another place
         at = begun

@@ -23,7 +23,7 @@ SIZES = (0.3, 1.0, 3.0, 10.0)  # multiples of the score test's amplitude that a 
 FINISHED = 2  # of the candidates, that are fitted to the end
 ONSET = 1e-3  # s; to which an onset is refined
 ROUGH = Precision(settled=20.0, roughly=0.01, steps=10, jacobians=0)  # of fits that only compete
-NEARBY = Precision(settled=5.0, roughly=0.01, steps=4, jacobians=3)  # of one whose edges were moved
+NEARBY = Precision(settled=5.0, roughly=0.01, steps=4, jacobians=1)  # of one whose edges were moved
 FROM_START = Precision(settled=5.0, roughly=0.01, steps=10, jacobians=1)
 TO_THE_END = Precision(settled=2.0, steps=12, jacobians=2)
 
@@ -80,7 +80,7 @@ class Competition:
 
     def finished(self, found: Fit) -> Fit:
         """Fitted to its end; where nothing is left, with the Jacobian at hand."""
-        jacobians = 3 if self.problem.unexplained(found.residual) else 0
+        jacobians = 1 if self.problem.unexplained(found.residual) else 0
         ended = fit_on(self.problem, found, finished(jacobians)) or found
         return out_of_local_minimum(self.problem, ended, finished(jacobians)) if jacobians else ended
 
@@ -90,16 +90,16 @@ class Competition:
         lowest: cost of another term's fit; where this one comes nowhere near it, its onset need not be exact.
         """
         active = self.sized(best, active)
-        always = fit_added(self.problem, best, [replace(active, onset=None)], ROUGH)
-        if always is not None and active.term.episode:
-            return self.with_onset(always)
-        if active.onset is None or (always is not None and self.problem.excess(always.residual) < self._hardly_left):
-            return always
-        later = fit_added(self.problem, best, [active], ROUGH)
-        if later is None or (always is not None and always.cost <= later.cost):
-            return always
-        hopeless = later.cost - lowest > thresholds.HOPELESS * (best.cost - lowest)
-        return later if hopeless else self.with_onset(later)
+        found = fit_added(self.problem, best, [replace(active, onset=None)], ROUGH)
+        if not active.term.episode:
+            if active.onset is None or (found is not None and self.problem.excess(found.residual) < self._hardly_left):
+                return found
+            later = fit_added(self.problem, best, [active], ROUGH)
+            if later is None or (found is not None and found.cost <= later.cost):
+                return found
+            found = later
+        hopeless = found is None or found.cost - lowest > thresholds.HOPELESS * (best.cost - lowest)
+        return found if found is None or hopeless else self.with_onset(found)
 
     def setting_in(self, best: Fit, ranked: Sequence[Score], onset: float) -> Fit | None:
         """The best of the first few beside `best`, each off until about `onset`. None: none can be simulated."""

@@ -19,6 +19,7 @@ from cobot_joint.diagnosis.estimation.least_squares import (
     difference,
     fit,
     fit_added,
+    fit_on,
     predicted_decrease,
 )
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
@@ -264,14 +265,12 @@ class Selector:
         J = J if needed else self.renewed(winner, range(len(coordinates)))
         stands_in = np.linalg.lstsq(J[:, :count], J[:, last] @ winner.x[last], rcond=SUBSET)[0]
         hypothesis = replace(winner.hypothesis, effects=winner.hypothesis.effects[:-1])
-        again = partial(fit, self.problem, hypothesis, winner.x[:count] + stands_in, J[:, :count])
-        if needed:
-            begun = again(finished(0, steps=4))
-            if begun is None or begun.cost >= best.cost:
-                return None
-            if best.cost - begun.cost < thresholds.ENDED_EARLY * (best.cost - winner.cost):
-                return begun
-        return again(finished(2, steps=15))
+        begun = fit(self.problem, hypothesis, winner.x[:count] + stands_in, J[:, :count], finished(0, steps=4))
+        if begun is None or (needed and begun.cost >= best.cost):
+            return None
+        early = best.cost - begun.cost < thresholds.ENDED_EARLY * (best.cost - winner.cost)
+        goes_on = predicted_decrease(begun) > thresholds.HOLDS * (begun.cost - winner.cost)
+        return begun if early and (needed or not goes_on) else fit_on(self.problem, begun, finished(2, steps=15))
 
     def renewed(self, found: Fit, columns: Sequence[int]) -> Vector:
         """The fit's Jacobian, these columns by differences where it stands; as it is where that cannot be simulated."""

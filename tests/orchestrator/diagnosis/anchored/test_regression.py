@@ -108,3 +108,17 @@ def test_a_term_in_one_block_only_does_not_predict_the_others(rng: np.random.Gen
     assert added is not None
     predicted = found.predicted(more, added.variances)
     assert predicted.sum() - predicted.max() < 0
+
+
+def test_a_parameter_beyond_a_bound_predicts_where_all_parts_press_on_it_and_not_where_one_does(
+    rng: np.random.Generator,
+) -> None:
+    known, smooth, _ = drawn(rng)
+    bound, noise = 0.3, rng.normal(size=ROWS)
+    everywhere = regression(known, smooth, noise + known @ [0.8, 0.0])
+    assert np.all(everywhere.predicted_free(0, bound) > 5)
+    once = noise.copy()
+    once[: ROWS // BLOCKS] += 3.0 * known[: ROWS // BLOCKS, 0]  # 0.75 on the whole
+    lopsided = regression(known, smooth, once)
+    assert lopsided.theta[0] > bound
+    assert np.sort(lopsided.predicted_free(0, bound))[1:-1].sum() <= 0

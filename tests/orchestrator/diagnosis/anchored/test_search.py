@@ -41,7 +41,7 @@ def search(values: Mapping[str, float]) -> Search:
             nominal = plant.parameters[name].nominal
             bounds[name] = 0.9 * nominal, 1.1 * nominal
         terms = [t for t in plant.terms if t.name.split(".")[1] in SOME]
-        return Searcher(plant, tracker, bounds, terms, lambda words: None).search()
+        return Searcher(plant, tracker, bounds, terms, lambda words: None, [t.name for t in terms]).search()
 
 
 def test_a_background_alone_is_given_no_name() -> None:

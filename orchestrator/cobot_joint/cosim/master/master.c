@@ -113,7 +113,7 @@ static void accept(Master *m, double h) {
  * taken back, growth waits, lest the coupling be tried at its limit of stability over and over. */
 static void choose_stride(Master *m, double error) {
   enum { CALM = 8 };
-  double room = pow(2.0, m->plan.scheme.extrapolation + 1);
+  double room = (double)(2 << m->plan.scheme.extrapolation);
   int64_t doubled = 2 * m->stride;
   bool aligned = doubled <= m->plan.max_stride && m->tick % doubled == 0;
   if (++m->calm > CALM && error * room < 0.5 && aligned) m->stride = doubled;

@@ -351,14 +351,19 @@ def _where(at: Beside, predicted: NDArray[np.float64]) -> dict[str, object]:
 
 
 def _background(at: Beside, plant: FmuPlant) -> list[dict[str, object]]:
-    """How large what was given no name is at each port: over the unit's own speed and load, and over time."""
+    """How large what was given no name is at each port: over the unit's own speed and load, and over time.
+
+    share: of what repeats over speed and load, by the chi-square that it takes from the innovations.
+    """
     units = {port.name: (port.unit, {s: _variable(plant, s) for s in port.signals}) for port in plant.ports}
+    thetas = [at.regression.theta[place] for place in at.regression.places]
+    chi2 = [float(t @ at.regression.gram[p, p] @ t) for t, p in zip(thetas, at.regression.places, strict=True)]
     found: list[dict[str, object]] = []
-    for group, place in zip(at.background, at.regression.places, strict=True):
-        rms = float(np.sqrt(np.mean((group.signals @ at.regression.theta[place]) ** 2)))
+    for group, theta, taken in zip(at.background, thetas, chi2, strict=True):
+        rms = float(np.sqrt(np.mean((group.signals @ theta) ** 2)))
         unit, variables = units[group.port]
-        variable = variables.get(group.variable, "load")
-        found.append({"port": group.port, "variable": variable, "rms": rms, "unit": unit})
+        row = {"port": group.port, "variable": variables.get(group.variable, "load"), "rms": rms, "unit": unit}
+        found.append({**row, "share": round(taken / max(sum(chi2), 1e-300), 3)})
     for port in dict.fromkeys(name for t in at.trackings for name in t.estimator.ports):
         sizes = [[latent.sigma for latent in t.estimator.latents if latent.port == port] for t in at.trackings]
         rms = float(np.sqrt(np.mean([np.sum(np.square(s)) for s in sizes if s])))

@@ -68,6 +68,7 @@ class Scan:
         self.terms = list(terms)
         self.probe: dict[str, float] = {}
         self._simulated: dict[tuple[Key, int], Signals] = {}  # while probing, of one recording; a column asks for them
+        self._at_base: tuple[Fit, list[Column]] | None = None  # of all terms, beside no other
         self.indistinguishable: dict[str, str] = {}  # term -> term of the same name in another unit that responds alike
 
     def columns(self, fit: Fit, skip: Collection[str] = (), only: Collection[str] | None = None) -> list[Column]:
@@ -75,6 +76,13 @@ class Scan:
 
         only: the terms to look at, and those that respond alike; None: all.
         """
+        if skip or only is not None:
+            return self._columns(fit, skip, only)
+        if self._at_base is None or self._at_base[0] is not fit:
+            self._at_base = fit, self._columns(fit, (), None)
+        return self._at_base[1]
+
+    def _columns(self, fit: Fit, skip: Collection[str], only: Collection[str] | None) -> list[Column]:
         terms = [
             t
             for t in self.terms

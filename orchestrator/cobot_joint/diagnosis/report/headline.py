@@ -37,7 +37,8 @@ def verdict_sentence(d: Json, terms: Mapping[str, TermText]) -> str:
     """The answer in one sentence."""
     findings = d["findings"]
     if d["verdict"] == "nothing_missing" and d.get("discrepancy"):
-        return "Nothing is worth a name: what the system leaves is a background that no listed term predicts better."
+        said = "what the system leaves is a background that no listed term predicts better"
+        return f"Nothing is worth a name: {said}{_largest(d['discrepancy'])}."
     if d["verdict"] == "nothing_missing":
         return "Nothing is missing: inside its tolerances the system explains these recordings down to the noise."
     if m := d.get("misreading"):
@@ -63,6 +64,19 @@ def verdict_sentence(d: Json, terms: Mapping[str, TermText]) -> str:
     if max(f.get("confidence") or 0.0 for f in findings) < thresholds.EVEN:
         return f"No name is more likely right than wrong; nearest comes {said}{tail}."
     return f"The model lacks {said}{tail}."
+
+
+def _largest(discrepancy: Sequence[Json]) -> str:
+    """Where most of a background lies, as far as it repeats; "": it is spread."""
+    row = max(discrepancy, key=lambda row: row.get("share", 0.0))
+    if row.get("share", 0.0) < thresholds.HOLDS:
+        return ""
+    component, port = row["port"].split(".", 1)
+    over = {"w": "speed", "phi": "angle"}.get(row["variable"], row["variable"])
+    size = f"{number(row['rms'])} {pretty_unit(row['unit'])} rms at {port}"
+    return (
+        f"; {percent(row['share'])} of what repeats over speed and load lies in {component}, over its {over} ({size})"
+    )
 
 
 def _suspects(findings: Sequence[Json], terms: Mapping[str, TermText]) -> str:

@@ -52,6 +52,18 @@ def test_a_withheld_repair_is_undecided_without_a_percentage_or_a_claim() -> Non
     assert "%" not in sentence
 
 
+@pytest.mark.parametrize(("share", "said"), [(0.8, "80 % of what repeats"), (0.4, "")])
+def test_a_background_is_said_to_lie_where_most_of_it_does(share: float, said: str) -> None:
+    rows = [
+        {"port": "brake.tau_add", "variable": "w", "rms": 0.0114, "unit": "N.m", "share": share},
+        {"port": "motor.tau_add", "variable": "load", "rms": 1e-5, "unit": "N.m", "share": 0.2},
+        {"port": "motor.tau_add", "variable": "time", "rms": 1e-4, "unit": "N.m"},
+    ]
+    sentence = verdict_sentence(Diagnosis("nothing_missing", [], {}, {}, background=rows).to_json(), {})
+    assert said in sentence
+    assert ("lies in brake, over its speed (0.0114 N.m rms at tau_add)" in sentence) == bool(said)
+
+
 def test_a_base_parameter_outside_its_tolerance_that_does_not_predict_is_refuted_and_not_listed() -> None:
     found = [Finding(name, (), 0.9, None, {}, dict(WHERE), 1e6) for name in ("axis.friction.d", "axis.stribeck")]
     calibrated = {"axis.friction.d": Estimate(1.0, "N.m.s/rad", (0.9, 1.1))}

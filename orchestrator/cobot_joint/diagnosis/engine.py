@@ -159,7 +159,7 @@ def noises(campaign: Campaign) -> dict[str, Noise]:
     """Per compared channel, as the campaign says; else as the recordings show it, and never below what the system's
     logger is specified for."""
     found = {}
-    for name, quality in condition(replace(campaign, recordings=campaign.train)).items():
+    for name, quality in condition(campaign.train).items():
         logged = campaign.logged.get(name)
         floor = float(np.hypot(logged.noise, (logged.step or 0.0) / np.sqrt(12))) if logged and logged.noise else 0.0
         colour = logged.colour if logged and logged.colour is not None else max(quality.colour, 0.0)

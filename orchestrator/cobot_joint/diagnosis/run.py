@@ -69,7 +69,7 @@ def diagnose_campaign(
     say("repairing")
     repair(diagnosis.to_json(), systems, out)
     say("comparing")
-    quality = condition(campaign)
+    quality = condition(campaign.recordings)
     if discrepancy := getattr(diagnosis, "discrepancy", None):
         write_atomically(out / DISCREPANCY, lambda file: save(file, discrepancy, DISCREPANCY))
     calibrated, loads = diagnosis.parameters("calibrated"), diagnosis.load_histories()

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +45,12 @@ class Noise:
             return rho, 0.0, float(np.sqrt(g0))
         theta = (g0 - np.sqrt(g0**2 - 4 * g1**2)) / (2 * g1)  # the invertible root of g1 theta^2 - g0 theta + g1 = 0
         return rho, float(theta), float(np.sqrt(g1 / theta))
+
+    def sigma_after(self, steps: Vector) -> Vector:
+        """1 sigma of what a sample is off from its prediction by the one that came so many steps before: like steps."""
+        first = self.sigma**2 - min(self.step**2 / 12, 0.5 * self.sigma**2)
+        r2 = self.filter[0] ** (2 * steps)
+        return np.asarray(np.sqrt(self.sigma**2 * (1 + r2) - 2 * r2 * first))
 
     def draw(self, n: int, rng: np.random.Generator) -> Vector:
         """Such noise before it is rounded, stationary from the first sample on: (n,)"""
@@ -106,6 +113,22 @@ class Block:
     channel: str
     rows: slice
     weight: NDArray[np.float64]  # 0 where not recorded
+    since: NDArray[np.intp]  # samples since the last that was recorded, 0: this one; more than there are: none was
+
+    @cached_property
+    def resumes(self) -> NDArray[np.intp]:
+        """Samples that follow on a gap."""
+        return np.flatnonzero((self.since[1:] == 0) & (self.since[:-1] > 0)) + 1
+
+    @cached_property
+    def _last(self) -> NDArray[np.intp]:
+        return np.asarray(np.arange(len(self.since)) - self.since)
+
+    def bridged(self, y: Vector, rho: float) -> Vector:
+        """With the last sample before a gap, fading by rho, in place of what was not recorded: (n,)."""
+        if self.weight.all():
+            return y
+        return np.where(self._last < 0, 0.0, y[self._last] * rho ** self.since.astype(float))
 
 
 def one_blas_thread() -> AbstractContextManager[object]:
@@ -141,9 +164,8 @@ class Problem:
         for number, recording in enumerate(self.recordings):
             for channel, recorded in recording.outputs.items():
                 known = np.isfinite(recorded)
-                known[1:] &= known[:-1].copy() | (noise[channel].colour == 0)
                 rows = slice(row, row + len(recorded))
-                self.blocks.append(Block(number, channel, rows, known.astype(float)))
+                self.blocks.append(Block(number, channel, rows, known.astype(float), _since(known)))
                 row = rows.stop
         self.rows = row
         self.recorded = self.whiten([r.outputs for r in self.recordings])
@@ -164,13 +186,19 @@ class Problem:
         return all(recording.scatter for recording in self.recordings)
 
     def whiten(self, outputs: Sequence[Mapping[str, Vector]]) -> Vector:
-        """Per recording, channel -> (n,): stacked as (rows,), divided by the innovation's sigma."""
+        """Per recording, channel -> (n,): stacked as (rows,), divided by the innovation's sigma.
+
+        In a gap stands what the noise's colour predicts from the sample before it, for recordings and simulations alike.
+        """
         stacked = np.empty(self.rows)
         for block in self.blocks:
-            y = np.nan_to_num(outputs[block.recording][block.channel])
-            rho, theta, sigma = self.noise[block.channel].filter
+            noise = self.noise[block.channel]
+            rho, theta, sigma = noise.filter
+            y = block.bridged(np.asarray(outputs[block.recording][block.channel]), rho)
             white = lfilter([1.0, -rho], [1.0, theta], y) / sigma
-            white[0] = y[0] / self.noise[block.channel].sigma
+            white[0] = y[0] / noise.sigma
+            if len(resumes := block.resumes):
+                white[resumes] *= sigma / noise.sigma_after(1.0 + block.since[resumes - 1])
             stacked[block.rows] = white * block.weight
         return stacked
 
@@ -271,6 +299,12 @@ class Problem:
             time = self.recordings[block.recording].time
             stacked[block.rows] = time - time[0]
         return stacked
+
+
+def _since(known: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Samples since the last that is known, (n,): 0 where this one is, more than there are before the first."""
+    count = np.arange(len(known))
+    return np.asarray(count - np.maximum.accumulate(np.where(known, count, -len(known))))
 
 
 def _undone(recording: Recording, readings: Mapping[str, tuple[float, float]]) -> Recording:

@@ -23,8 +23,8 @@ from cobot_joint.diagnosis.checks.beside_nominal import beside_nominal
 from cobot_joint.diagnosis.checks.suspicions import suspicions
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.data.clock import without_wild
-from cobot_joint.diagnosis.data.recording import Recording
-from cobot_joint.diagnosis.data.suspicion import Suspicion
+from cobot_joint.diagnosis.data.recording import LeftOut, Recording
+from cobot_joint.diagnosis.data.suspicion import Suspicion, without_faults
 from cobot_joint.diagnosis.engine import calibrate, identify
 from cobot_joint.diagnosis.estimation.problem import one_blas_thread
 from cobot_joint.diagnosis.findings import Diagnosis, Finding
@@ -85,11 +85,12 @@ def faulty(recordings: list[Recording], name: str, fault: Fault) -> list[Recordi
         series = dict(getattr(r, kind))
         if name not in series:
             return r
-        x, wild = without_wild(fault(series[name], r, reach))  # as when it is read
+        x, count, said = without_wild(fault(series[name], r, reach))  # as when it is read
         x = np.interp(r.time, r.time[np.isfinite(x)], x[np.isfinite(x)]) if name in r.inputs else x
-        return replace(r, **{kind: series | {name: x}}, wild={name: wild} if wild else {})
+        wild = [LeftOut(name, "outlier", count, said)] if count else []
+        return replace(r, **{kind: series | {name: x}}, left_out=wild)
 
-    return list(map(one, recordings))
+    return without_faults(list(map(one, recordings)))
 
 
 def look(runs: list[Recording], simulate: Simulator) -> list[Suspicion]:

@@ -89,7 +89,7 @@ def test_channels_with_nothing_in_common_have_no_delay() -> None:
 @pytest.mark.parametrize(("case", "rho"), [("case01", 0.0), ("case03", 0.5), ("case06", 0.8)])
 def test_the_loggers_data_sheet_is_recovered_from_the_open_campaigns(root: Path, case: str, rho: float) -> None:
     """White noise and quantisation together: 4.06e-3 A, 0.320 rad/s, 5.19e-3 N.m, 12 bits."""
-    quality = condition(load_campaign(root / "proof/open" / case, roles=("train",)))
+    quality = condition(load_campaign(root / "proof/open" / case, roles=("train",)).recordings)
     for name, sigma in {"i_motor": 4.06e-3, "w_motor": 0.320, "tau_sensor": 5.19e-3}.items():
         assert quality[name].noise == pytest.approx(sigma, rel=0.03)
     assert quality["tau_sensor"].colour == pytest.approx(rho, abs=0.08)

@@ -48,7 +48,7 @@ class Fault:
     """Samples of an output that are no measurements, (n,); none: it is seen, and which samples is not."""
 
     channel: str
-    kind: Kind
+    kind: Literal["clipped", "frozen", "held"]
     words: str
     at: Mask
 
@@ -87,23 +87,28 @@ def _without(r: Recording, found: Sequence[Fault]) -> Recording:
 
 def faults(r: Recording) -> Iterator[Fault]:
     """Of a recording's outputs; at most one per channel. A commanded input may stand still and end at a limit."""
+    at_none = np.zeros(len(r.time), dtype=bool)
     for name, x in r.outputs.items():
         if np.isfinite(x).sum() < 2 or name in r.scatter:  # rows of a table follow one another in no time
             continue
-        words, at = ("", np.zeros(0, dtype=bool)) if r.units.get(name) in RESTING else clipped(x)
-        kind: Kind = "clipped"
-        if not words:
-            kind, (words, at) = "frozen", frozen(x, r, name)
-        if not words:
-            kind, (words, at) = "held", held(x)
+        words, at = ("", at_none) if r.units.get(name) in RESTING else clipped(x)
         if words:
-            yield Fault(name, kind, words, at)
+            yield Fault(name, "clipped", words, at)
+            continue
+        words, at = frozen(x, r, name)
+        if words:
+            yield Fault(name, "frozen", words, at)
+            continue
+        words, at = held(x)
+        if words:
+            yield Fault(name, "held", words, at)
 
 
 def clipped(x: Vector) -> tuple[str, Mask]:
     """Runs of one value at an extreme, of a channel that is never as still anywhere else.
 
     Samples beside one at the extreme go with it: of those near the limit only what noise leaves below would be kept.
+    None go where the converter's steps hide the noise: a smooth peak is as still then.
     """
     known = np.isfinite(x)
     still = np.concatenate([[False], np.diff(x[known]) == 0])
@@ -115,7 +120,7 @@ def clipped(x: Vector) -> tuple[str, Mask]:
         if count >= max(CLIPPED * len(at), RAIL) and elsewhere < 0.6 and extreme != 0:
             said.append(f"clipped at the {what}, {extreme:.4g}: {count} of {len(at)} samples in runs of one value")
             out |= binary_dilation(x == extreme, iterations=RAIL)
-    return "; ".join(said), out
+    return "; ".join(said), out & (not _hides_noise(np.where(out, np.nan, x)))
 
 
 def frozen(x: Vector, r: Recording, name: str) -> tuple[str, Mask]:
@@ -131,8 +136,7 @@ def frozen(x: Vector, r: Recording, name: str) -> tuple[str, Mask]:
     for start, stop in long:
         within[start:stop] = True
     elsewhere = np.where(within, np.nan, x)
-    # its steps may hide the noise
-    if not long or np.nan_to_num(noise_and_colour(elsewhere)[0]) < 0.5 * quantisation_step(x[np.isfinite(x)]):
+    if not long or _hides_noise(elsewhere):
         return "", nowhere
     noisy = same[~within].mean() < 0.5
     found = {
@@ -148,6 +152,11 @@ def frozen(x: Vector, r: Recording, name: str) -> tuple[str, Mask]:
     since, span = r.time[start] - r.time[0], (stop - start) * r.step
     words = f"frozen at {x[start]:.4g} for {span:.3g} s from {since:.4g} s on, while {found[start, stop]} moves"
     return words, nowhere
+
+
+def _hides_noise(x: Vector) -> bool:
+    """Whether the converter's steps are so wide that noise does not move the channel from one to the next."""
+    return bool(np.nan_to_num(noise_and_colour(x)[0]) < 0.5 * quantisation_step(x[np.isfinite(x)]))
 
 
 def _mover(r: Recording, name: str, span: slice) -> str:

@@ -75,6 +75,14 @@ def test_samples_not_recorded_are_counted_and_do_not_disturb() -> None:
     assert q.noise == pytest.approx(0.3, rel=0.06)
 
 
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.8])
+def test_noise_and_its_colour_are_estimated_where_no_window_is_recorded_in_full(rho: float) -> None:
+    x = np.where(np.random.default_rng(3).random(N) < 0.3, np.nan, motion() + noise(rho, 0.3))
+    q = assess(x)
+    assert q.noise == pytest.approx(0.3, rel=0.06)
+    assert q.colour == pytest.approx(rho, abs=0.06)
+
+
 @pytest.mark.parametrize("seconds", [0.0, 0.4e-3, 3.3e-3, -2e-3])
 def test_a_delay_is_found_to_a_fraction_of_a_sample(seconds: float) -> None:
     tau, error = delay(motion() + noise(0, 0.1, 1), 0.5 * np.interp(T - seconds, T, motion()) + noise(0, 0.1, 2), STEP)

@@ -200,7 +200,7 @@ class Problem:
     def whiten(self, outputs: Sequence[Mapping[str, Vector]]) -> Vector:
         """Per recording, channel -> (n,): stacked as (rows,), divided by the innovation's sigma.
 
-        In a gap stands what the noise's colour predicts from the sample before it, for recordings and simulations alike.
+        In a gap stands what the noise's colour predicts from the sample before, recorded and simulated alike.
         """
         stacked = np.empty(self.rows)
         for block, gaps in zip(self.blocks, self._gaps, strict=True):

@@ -14,7 +14,7 @@ LONGEST, FASTEST = 0.5, 0.05  # s, s per s; what lies beyond is another signal
 
 @dataclass(frozen=True)
 class Stamps:
-    """An effect on what is recorded, not on the machine. late: s at the run's beginning; rate: s per s, that it grows."""
+    """An effect on what is recorded, not on the machine. late: s at the beginning of a run; rate: s per s more."""
 
     channel: str
     late: float = 0.0

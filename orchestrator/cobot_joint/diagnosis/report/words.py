@@ -95,10 +95,10 @@ def remedy(m: Json | None) -> str | None:
             if _drifts(m)
             else f'say late = {{ "{m["column"]}" = {late} }} in each [[recording]]'
         )
+        name = m["column"]
         return (
-            f"Hold the clock of {m['column']} against that of the other channels. If it is off, {undone}, and diagnose "
-            f"again; if it is right, say scale = 1 for {m['column']} in [channels]: then it is believed, and the machine "
-            f"is asked."
+            f"Hold the clock of {name} against that of the other channels. If it is off, {undone}, and diagnose again; "
+            f"if it is right, say scale = 1 for {name} in [channels]: then it is believed, and the machine is asked."
         )
     gain, offset = _off(m)
     keys = [f"scale = {1 / m['gain']['value']:.5g}"] if gain else []
@@ -180,8 +180,8 @@ def not_compared(content: Json) -> list[str]:
     for out in content.get("not_compared", ()):
         found.setdefault((out["channel"], out["why"]), []).append(out)
     return [
-        f"{channel}: {sum(o['samples'] for o in outs)} of {sum(o['of'] for o in outs)} samples are {NO_MEASUREMENT[why]} "
-        f"and not compared, in {' and '.join(o['recording'] for o in outs)}"
+        f"{channel}: {sum(o['samples'] for o in outs)} of {sum(o['of'] for o in outs)} samples are "
+        f"{NO_MEASUREMENT[why]} and not compared, in {' and '.join(o['recording'] for o in outs)}"
         for (channel, why), outs in found.items()
     ]
 

@@ -121,7 +121,8 @@ def test_a_channel_is_told_with_what_its_stamps_are_off(channel: str, late: floa
     found = diagnose_plant(case, Axis())
     assert found.verdict == "undecided"
     assert found.findings == []
-    assert (said := found.misreading) is not None
+    said = found.misreading
+    assert said is not None
     assert said.late is not None
     assert said.rate is not None
     assert channel in (said.channel, said.alike)

@@ -124,7 +124,10 @@ def clipped(x: Vector) -> tuple[str, Mask]:
 
 
 def frozen(x: Vector, r: Recording, name: str) -> tuple[str, Mask]:
-    """One value for long, of a channel with noise or that has left rest, while other channels move."""
+    """One value for long, of a channel with noise, or that has left rest while other channels move.
+
+    A drive that is switched off may log nothing but zeros: these are frozen only while another channel moves.
+    """
     nowhere = np.zeros(len(x), dtype=bool)
     if np.nanmax(x) == np.nanmin(x):
         words = f"one value, {np.nanmax(x):.4g}, in the whole recording"
@@ -138,20 +141,18 @@ def frozen(x: Vector, r: Recording, name: str) -> tuple[str, Mask]:
     elsewhere = np.where(within, np.nan, x)
     if not long or _hides_noise(elsewhere):
         return "", nowhere
-    noisy = same[~within].mean() < 0.5
-    found = {
-        (start, stop): mover
-        for start, stop in long
-        if (noisy or x[start] != 0) and (mover := _mover(r, name, slice(max(start - 1, 0), stop)))
-    }
-    for start, stop in found:
-        nowhere[start:stop] = True
+    noisy, rests = same[~within].mean() < 0.5, r.units.get(name) in RESTING
+    found = {}
+    for start, stop in long:
+        mover = _mover(r, name, slice(max(start - 1, 0), stop))
+        if (mover and noisy) or (x[start] != 0 and (mover or (noisy and not rests))):
+            found[start, stop] = f"while {mover} moves" if mover else "without its noise"
+            nowhere[start:stop] = True
     if not found:
         return "", nowhere
     start, stop = max(found, key=lambda run: run[1] - run[0])
     since, span = r.time[start] - r.time[0], (stop - start) * r.step
-    words = f"frozen at {x[start]:.4g} for {span:.3g} s from {since:.4g} s on, while {found[start, stop]} moves"
-    return words, nowhere
+    return f"frozen at {x[start]:.4g} for {span:.3g} s from {since:.4g} s on, {found[start, stop]}", nowhere
 
 
 def _hides_noise(x: Vector) -> bool:

@@ -62,6 +62,19 @@ def test_every_frozen_stretch_is_left_out_but_for_its_first_sample() -> None:
     assert r.left_out[0].words.startswith("frozen at")
 
 
+def test_a_channel_that_has_lost_its_noise_is_frozen_though_nothing_moves() -> None:
+    steady = np.where(T < 4, speed(step=0.0), 100.0 + np.random.default_rng(1).normal(0, 0.3, N))
+    w = np.where(T < 6, steady, 100.3)
+    still = run(w)
+    still.outputs["i"][T >= 4] = 1.0 + np.random.default_rng(9).normal(0, 4e-3, int((T >= 4).sum()))
+    (r,) = without_faults([still])
+    assert np.isnan(r.outputs["w"]).sum() == pytest.approx(2000, abs=1)
+    assert "without its noise" in r.left_out[0].words
+    off = run(np.where(T < 6, steady, 0.0))  # a drive that is switched off
+    off.outputs["i"][T >= 6] = 0.0
+    assert without_faults([off]) == [off]
+
+
 def test_of_a_held_channel_repeats_are_left_out_in_every_run() -> None:
     runs = [run(speed()[HOLD], "fast"), run(speed(10.0)[HOLD], "slow")]
     fast, slow = without_faults(runs)

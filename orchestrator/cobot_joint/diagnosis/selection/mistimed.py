@@ -10,14 +10,15 @@ from dataclasses import replace
 import numpy as np
 
 from cobot_joint.diagnosis import thresholds
-from cobot_joint.diagnosis.checks.beside_nominal import ALIKE, SHARE, match, timing
+from cobot_joint.diagnosis.checks.beside_nominal import ALIKE, SHARE, match, shifted, unlike
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.least_squares import difference, fit, fit_on
-from cobot_joint.diagnosis.estimation.problem import Problem, Run
+from cobot_joint.diagnosis.estimation.problem import Problem, Run, Vector
 from cobot_joint.diagnosis.estimation.stamps import Stamps
 from cobot_joint.diagnosis.selection.misreading import FINISHED, ROUGH, Misread, predicted_of
 
 TRIED = 3  # channels that are fitted
+RATES = np.linspace(-0.02, 0.02, 81)  # s per s; clocks that are further apart are told by the length of a run
 
 
 def look_for_mistiming(problem: Problem, calibrated: Fit) -> Misread | None:
@@ -58,10 +59,9 @@ def _suspects(problem: Problem) -> list[Stamps]:
             if m is None or m.correlation < ALIKE:
                 continue
             moved.add(name)
-            at = timing(x, simulated[name], r.step)
-            share = 1 - (1 - at.by_tau) * (1 - at.by_rate)
-            if share > SHARE and abs(at.tau) + abs(at.rate) * (r.time[-1] - r.time[0]) > r.step:
-                seen.setdefault(name, []).append((share, at.tau, at.rate))
+            share, late, rate = _aligned(x, simulated[name], r.step)
+            if share > SHARE and abs(late) + abs(rate) * (r.time[-1] - r.time[0]) > r.step:
+                seen.setdefault(name, []).append((share, late, rate))
     middle = {name: np.median(np.array(found), axis=0) for name, found in seen.items()}
     ranked = sorted(middle, key=lambda name: -middle[name][0])
     found = [Stamps(n, float(middle[n][1]), float(middle[n][2])) for n in ranked]
@@ -71,6 +71,17 @@ def _suspects(problem: Problem) -> list[Stamps]:
         found = [*(Stamps(n, float(late), float(rate)) for n in inputs), *found]
     believed = {name for r in problem.recordings for name in r.believed}
     return [stamps for stamps in found if stamps.channel not in believed]
+
+
+def _aligned(x: Vector, s: Vector, step: float) -> tuple[float, float, float]:
+    """Share of what s leaves of x that a delay takes, s late at the beginning, s per s more.
+
+    Rates are tried first: a delay that grows over more than a period of the motion is beyond what is linear.
+    """
+    t, none = np.arange(len(x)) * step, unlike(x, s)
+    rate = min(RATES, key=lambda rate: unlike(x, np.interp(t - rate * t, t, s)))
+    late, rate, left = shifted(x, s, step, (0.0, float(rate)), with_rate=True)
+    return (1 - left / none if none else 0.0), late, rate
 
 
 def _fitted(problem: Problem, calibrated: Fit, stamps: Stamps) -> Fit | None:

@@ -38,6 +38,10 @@ class Stamps:
             Coordinate((f"{self.channel}: rate",), 0.0, 1e-3, -FASTEST / 1e-3, FASTEST / 1e-3, "linear", ""),
         )
 
+    def drifts(self, time: Vector) -> bool:
+        """Whether the delay grows by more than two samples over a run: (n,)"""
+        return bool(abs(self.rate) * (time[-1] - time[0]) > 2 * (time[1] - time[0]))
+
     def start(self) -> Vector:
         """Where they are."""
         return np.array(

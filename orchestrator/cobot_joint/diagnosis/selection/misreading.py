@@ -68,7 +68,12 @@ class Misread:
         return not problem.unexplained(self.fit.residual)
 
     def rivalled(self, problem: Problem, calibrated: Fit, scan: Scan) -> bool:
-        """Whether a listed term is predicted to do as well, or is the same under another name."""
+        """Whether a listed term is predicted to do as well, or is the same under another name.
+
+        None is a delay that grows: what they are predicted to take of one is beyond what is linear.
+        """
+        if isinstance(self.reading, Stamps) and any(self.reading.drifts(r.time) for r in problem.recordings):
+            return False
         columns = scan.columns(calibrated)
         twins = (c.vectors[0] for c in columns if len(c.vectors) == 1)
         if any(same_direction(self.own @ self.fit.x[-2:], vector, thresholds.COLLINEAR) for vector in twins):

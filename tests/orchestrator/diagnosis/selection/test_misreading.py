@@ -10,7 +10,8 @@ import pytest
 from cobot_joint.diagnosis.candidates.score_test import Scan
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.engine import diagnose_plant, identify
-from cobot_joint.diagnosis.estimation.problem import Run
+from cobot_joint.diagnosis.estimation.least_squares import fit
+from cobot_joint.diagnosis.estimation.problem import Problem, Run
 from cobot_joint.diagnosis.estimation.reading import Reading
 from cobot_joint.diagnosis.report.words import misread, remedy
 from cobot_joint.diagnosis.selection.misreading import look_for_misreading
@@ -135,6 +136,20 @@ def test_missing_physics_is_no_channel_by_another_clock() -> None:
     with calibrated({"motor_bldc.supply_sag.R_s": 0.05}) as (problem, base):
         assert problem.unexplained(base.residual)
         assert look_for_mistiming(problem, base) is None
+
+
+def test_a_delay_is_left_to_the_term_that_is_one_and_a_delay_that_grows_is_not() -> None:
+    for late, rate in ((0.01, 0.0), (0.0, 0.01)):
+        with calibrated({}) as (sound, before):
+            recorded = [restamped(r, "w_motor", late, rate) for r in sound.recordings]
+            problem = Problem(sound.plant, recorded, sound.noise)
+            base = fit(problem, before.hypothesis)
+            assert base is not None
+            found = look_for_mistiming(problem, base)
+            assert found is not None
+            assert found.channel == "w_motor"
+            term = [t for t in problem.plant.terms if t.name == "acquisition.speed_delay"]
+            assert found.rivalled(problem, base, Scan(problem, term)) == (rate == 0.0)
 
 
 def test_a_run_stamps_outputs_late_and_undoes_late_inputs() -> None:

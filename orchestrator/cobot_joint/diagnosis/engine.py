@@ -32,6 +32,7 @@ from cobot_joint.diagnosis.plant.plant import Plant, TermCandidate
 from cobot_joint.diagnosis.selection.confidence import COUNTED_TERMS, beside_background, confidence
 from cobot_joint.diagnosis.selection.external_loads import look_for_external_loads, look_for_unlogged_load
 from cobot_joint.diagnosis.selection.misreading import Misread, look_for_misreading
+from cobot_joint.diagnosis.selection.mistimed import look_for_mistiming
 from cobot_joint.diagnosis.selection.stepwise import SETTLED, Selected, Selection, Selector, prune, worth_naming
 from cobot_joint.diagnosis.selection.unmodelled import Unmodelled, look_for_unmodelled
 from cobot_joint.diagnosis.store import Store
@@ -159,7 +160,7 @@ def noises(campaign: Campaign) -> dict[str, Noise]:
     """Per compared channel, as the campaign says; else as the recordings show it, and never below what the system's
     logger is specified for."""
     found = {}
-    for name, quality in condition(replace(campaign, recordings=campaign.train)).items():
+    for name, quality in condition(campaign.train).items():
         logged = campaign.logged.get(name)
         floor = float(np.hypot(logged.noise, (logged.step or 0.0) / np.sqrt(12))) if logged and logged.noise else 0.0
         colour = logged.colour if logged and logged.colour is not None else max(quality.colour, 0.0)
@@ -181,8 +182,12 @@ def _select(
     scan = Scan(problem, driven(problem, calibrated, _terms(problem, only)), say)
     if only:
         return _selected(campaign, problem, calibrated, scan, say, store, budget)
-    say("asking the channels for gains and offsets")
-    misread = store.remember("misread", _basis(campaign), lambda: look_for_misreading(problem, calibrated))
+    say("asking the channels for gains, offsets and delays")
+
+    def look() -> Misread | None:
+        return look_for_misreading(problem, calibrated) or look_for_mistiming(problem, calibrated)
+
+    misread = store.remember("misread", _basis(campaign), look)
     if misread and misread.explains(problem) and not misread.rivalled(problem, calibrated, scan):
         return Explanation(calibrated, calibrated, Selection([calibrated]), [], misread=misread)
     found = _selected(campaign, problem, calibrated, scan, say, store, budget)

@@ -137,7 +137,8 @@ class Finding:
 
 @dataclass(frozen=True)
 class Misreading:
-    """A channel with whose gain and offset re-fitted, recorded = gain*there + offset, nothing else need be missing.
+    """A channel with whose gain and offset re-fitted, recorded = gain*there + offset, nothing else need be missing; or
+    with whose stamps, recorded(t) = there(t - late - rate*t).
 
     column: of the file. takes: share of the slow structure that this takes from the re-fitted base model's residual.
     alike: another channel with which it would be as good, or none.
@@ -149,6 +150,8 @@ class Misreading:
     offset: Estimate
     takes: float
     alike: str = ""
+    late: Estimate | None = None
+    rate: Estimate | None = None
 
     def to_json(self) -> dict[str, Any]:
         """As diagnosis.json has it."""
@@ -159,7 +162,7 @@ class Misreading:
             "offset": self.offset.to_json(),
             "takes": self.takes,
             "alike": self.alike or None,
-        }
+        } | ({"late": self.late.to_json(), "rate": self.rate.to_json()} if self.late and self.rate else {})
 
 
 @dataclass(frozen=True)

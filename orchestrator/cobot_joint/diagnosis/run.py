@@ -69,14 +69,15 @@ def diagnose_campaign(
     say("repairing")
     repair(diagnosis.to_json(), systems, out)
     say("comparing")
-    quality = condition(campaign)
+    quality = condition(campaign.recordings)
     if discrepancy := getattr(diagnosis, "discrepancy", None):
         write_atomically(out / DISCREPANCY, lambda file: save(file, discrepancy, DISCREPANCY))
     calibrated, loads = diagnosis.parameters("calibrated"), diagnosis.load_histories()
     compared = compare_systems(campaign, campaign.recordings, out, calibrated, loads)
     diagnosis.channels = channels(compared, quality)
     judge(diagnosis, lambda: anchored(campaign, out, calibrated, say))
-    content = spoken(diagnosis.to_json())
+    left_out = not_compared(campaign)
+    content = spoken(diagnosis.to_json() | ({"not_compared": left_out} if left_out else {}))
     content |= {"exported": exported(out, campaign.setups), "campaign": relative(campaign.path, out)}
     say("reporting")
     texts = term_texts(systems)
@@ -161,6 +162,15 @@ def channels(compared: Sequence[Comparison], quality: Mapping[str, ChannelQualit
         for name, figures in channel_figures([c for c in compared if c.recording.role == role]).items():
             content[name][role] = figures
     return content
+
+
+def not_compared(campaign: Campaign) -> list[dict[str, Any]]:
+    """diagnosis.json's `not_compared`: samples that are no measurements, by recording and channel."""
+    return [
+        {"recording": r.name, "channel": out.channel, "why": out.kind, "samples": out.samples, "of": len(r.time)}
+        for r in campaign.recordings
+        for out in r.left_out
+    ]
 
 
 def term_texts(systems: Mapping[str, System]) -> dict[str, TermText]:

@@ -71,6 +71,28 @@ def test_the_files_of_a_diagnosis_are_there_and_agree(
             assert channel[variant] == pytest.approx(content["channels"][name]["holdout"][variant])
 
 
+def test_what_is_no_measurement_is_told_and_not_compared(
+    campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(campaign_file.parent, tmp_path / "clipped")
+    file = tmp_path / "clipped/later.parquet"
+    table = pa.parquet.read_table(file)
+    k = next(k for k, name in enumerate(table.column_names) if name.startswith("w_motor"))
+    w = table.column(k).to_numpy()
+    limited = np.minimum(w, 0.6 * w.max())
+    pa.parquet.write_table(table.set_column(k, table.column_names[k], pa.array(limited)), file)
+    monkeypatch.setattr(run, "engine", knows(explained()))
+    run.diagnose_campaign(load_campaign(tmp_path / "clipped"), tmp_path / "out")
+    content = json.loads((tmp_path / "out/diagnosis.json").read_text())
+    (out,) = content["not_compared"]
+    assert (out["recording"], out["channel"], out["why"], out["of"]) == ("later", "w_motor", "clipped", len(w))
+    assert (limited == limited.max()).sum() <= out["samples"] < 0.6 * len(w)
+    assert content["channels"]["w_motor"]["holdout"]["repaired"] == pytest.approx(NOISE["w_motor"], rel=0.05)
+    said = f"w_motor: {out['samples']} of {len(w)} samples are clipped and not compared, in later"
+    assert said in content["notes"]
+    assert said in (tmp_path / "out/report.html").read_text()
+
+
 def test_an_answer_says_which_files_and_versions_it_comes_from(campaign_file: Path, tmp_path: Path) -> None:
     folder = tmp_path / "moved"
     shutil.copytree(campaign_file.parent, folder)

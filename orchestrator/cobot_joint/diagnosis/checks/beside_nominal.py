@@ -188,18 +188,18 @@ class Timing:
 
 def timing(x: Vector, s: Vector, step: float) -> Timing:
     """Least squares, linearised about the last round's tau and rate. s is simulated: its slope has no noise."""
-    tau, _, late = _shifted(x, s, step, (0.0, 0.0), with_rate=False)
-    both, rate, drifting = _shifted(x, s, step, (tau, 0.0), with_rate=True)
-    none = _rest(x, s)
+    tau, _, late = shifted(x, s, step, (0.0, 0.0), with_rate=False)
+    both, rate, drifting = shifted(x, s, step, (tau, 0.0), with_rate=True)
+    none = unlike(x, s)
     if abs(both) + abs(rate) * step * len(x) > 0.1 * step * len(x):  # it does not converge: no delay
         return Timing(0.0, 0.0, 0.0, 0.0)
     return Timing(tau, rate, 1 - late / none if none else 0.0, 1 - drifting / late if late else 0.0)
 
 
-def _shifted(
+def shifted(
     x: Vector, s: Vector, step: float, start: tuple[float, float], *, with_rate: bool, rounds: int = 4
 ) -> tuple[float, float, float]:
-    """(tau, rate, sum of squares left)"""
+    """(tau, rate, sum of squares left), linearised about `start` and then each time about what was found."""
     t, known = np.arange(len(x)) * step, np.isfinite(x)
     tau, rate = start
     for _ in range(rounds):
@@ -211,11 +211,11 @@ def _shifted(
             break
         tau -= float(solution[2] / solution[1])
         rate -= float(solution[3] / solution[1]) if with_rate else 0.0
-    return tau, rate, _rest(x, np.interp(t - tau - rate * t, t, s))
+    return tau, rate, unlike(x, np.interp(t - tau - rate * t, t, s))
 
 
-def _rest(x: Vector, s: Vector) -> float:
-    """Sum of squares of x that a constant and a multiple of s leave."""
+def unlike(x: Vector, s: Vector) -> float:
+    """Sum of squares of x that a constant and a multiple of s leave; NaN of x: not recorded."""
     known = np.isfinite(x)
     m = match(x, s)
     a = x[known] - np.mean(x[known])

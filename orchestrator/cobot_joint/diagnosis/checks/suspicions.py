@@ -10,16 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from cobot_joint.diagnosis.data.conditioning import RAIL, noise_and_colour, quantisation_step
+from cobot_joint.diagnosis.data.conditioning import noise_and_colour
 from cobot_joint.diagnosis.data.recording import Recording
-from cobot_joint.diagnosis.data.suspicion import Kind, Suspicion
+from cobot_joint.diagnosis.data.suspicion import Suspicion, faults
 
 Vector = NDArray[np.float64]
 
-CLIPPED = 0.002  # share of samples at an extreme, in runs that noise would break up
-FROZEN = 0.25  # s of one value while others move
-HELD = 0.1  # share of samples that repeat the one before in the middle of motion
-RESTING = ("rad", "m")  # a shaft may stand still anywhere
 OUTLIER = 20.0  # times the rest's range
 EXCITED = 3.0  # sigma of the noise that a moving channel exceeds
 BLOCKS = 8  # of a run, for the scatter of its inertia
@@ -33,27 +29,14 @@ def suspicions(recordings: Sequence[Recording]) -> list[Suspicion]:
 
 
 def _of_recording(r: Recording) -> Iterator[Suspicion]:
-    moving = False
     yield from _duplicates(r)
-    yield from (Suspicion(r.name, name, "outlier", words) for name, words in r.wild.items())
+    yield from (Suspicion(r.name, out.channel, out.kind, out.words) for out in r.left_out)
     yield from (Suspicion(r.name, n, "outlier", words) for n, x in r.inputs.items() if (words := outlier(x)))
-    for name, x in r.outputs.items():
-        known = x[np.isfinite(x)]
-        if len(known) < 2:
-            continue
-        rests = r.units.get(name) in RESTING
-        evidence: dict[Kind, str] = {
-            "outlier": outlier(known),
-            "clipped": "" if rests else clipped(known),
-            "frozen": frozen(x, r, name),
-            "held": held(x),
-        }
-        if evidence["clipped"]:
-            evidence["frozen"] = evidence["held"] = ""
-        yield from (Suspicion(r.name, name, kind, words) for kind, words in evidence.items() if words)
-        noise, _ = noise_and_colour(x)
-        moving |= bool(np.std(known) > EXCITED * np.nan_to_num(noise))
-    if not moving:
+    known = {name: x[np.isfinite(x)] for name, x in r.outputs.items() if np.isfinite(x).sum() > 1}
+    yield from (Suspicion(r.name, n, "outlier", words) for n, x in known.items() if (words := outlier(x)))
+    yield from (Suspicion(r.name, fault.channel, fault.kind, fault.words) for fault in faults(r))
+    noises = {name: np.nan_to_num(noise_and_colour(r.outputs[name])[0]) for name in known}
+    if not any(np.std(x) > EXCITED * noises[name] for name, x in known.items()):
         names = ", ".join(r.outputs)
         yield Suspicion(r.name, names, "not excited", "nothing moves beyond the noise: the run tells nothing")
 
@@ -79,68 +62,6 @@ def outlier(x: Vector) -> str:
     if not far.any():
         return ""
     return f"{int(far.sum())} samples lie far outside, first {x[np.argmax(far)]:.4g} among {low:.4g} to {high:.4g}"
-
-
-def clipped(x: Vector) -> str:
-    """Runs of one value at an extreme, of a channel that is never as still anywhere else."""
-    still = np.concatenate([[False], np.diff(x) == 0])
-    for what, extreme in (("top", x.max()), ("bottom", x.min())):
-        at = x == extreme
-        count = int(sum(length for length in _runs(at) if length >= RAIL))
-        elsewhere = still[~at].mean() if (~at).any() else 1.0
-        if count >= max(CLIPPED * len(x), RAIL) and elsewhere < 0.6 and extreme != 0:
-            return f"clipped at the {what}, {extreme:.4g}: {count} of {len(x)} samples in runs of one value"
-    return ""
-
-
-def frozen(x: Vector, r: Recording, name: str) -> str:
-    """One value for long, of a channel with noise or that has left rest, while other channels move."""
-    if np.nanmax(x) == np.nanmin(x):
-        return f"one value, {np.nanmax(x):.4g}, in the whole recording"
-    same = np.concatenate([[False], np.diff(x) == 0])
-    start, length = _longest(same)
-    if (length + 1) * r.step < FROZEN or length < 4 * RAIL:
-        return ""
-    known = x[np.isfinite(x)]
-    elsewhere = np.where(_within(len(x), start, length), np.nan, x)
-    if np.nan_to_num(noise_and_colour(elsewhere)[0]) < 0.5 * quantisation_step(known):  # its steps hide the noise
-        return ""
-    noisy = same[~_within(len(x), start, length)].mean() < 0.5
-    if not noisy and x[start] == 0:  # at rest, without noise
-        return ""
-    span = slice(max(start - 1, 0), start + length)
-    moves = {n: y for n, y in (r.outputs | r.inputs).items() if r.units.get(name) not in RESTING or _is_speed(r, n)}
-    for other, y in moves.items():
-        if other != name and _moves(y, span):
-            at = r.time[start] - r.time[0]
-            return f"frozen at {x[start]:.4g} for {length * r.step:.3g} s from {at:.4g} s on, while {other} moves"
-    return ""
-
-
-def _is_speed(r: Recording, name: str) -> bool:
-    return r.units.get(name) in ("rad/s", "m/s") and name in r.outputs
-
-
-def _moves(y: Vector, span: slice) -> bool:
-    part, whole = y[span][np.isfinite(y[span])], y[np.isfinite(y)]
-    return len(part) > 1 and bool(np.ptp(part) > 0.2 * np.ptp(whole) > 0)
-
-
-def held(x: Vector) -> str:
-    """Samples that repeat the one before while the channel moves on by more than its step and noise per sample."""
-    noise, _ = noise_and_colour(x)
-    least = max(2.0 * quantisation_step(x[np.isfinite(x)]), 2.0 * np.nan_to_num(noise))
-    reach = 5
-    if len(x) < 4 * reach:
-        return ""
-    pace = np.abs(x[2 * reach :] - x[: -2 * reach]) / (2 * reach)  # per sample, over ten of them
-    moving = np.flatnonzero(pace > least) + reach
-    if len(moving) < 100:
-        return ""
-    share = float(np.mean(x[moving] == x[moving - 1]))
-    if share <= HELD:
-        return ""
-    return f"{100 * share:.0f} % of its samples repeat the one before while it moves: held, or slower than the clock"
 
 
 def _inertias(recordings: Sequence[Recording]) -> Iterator[Suspicion]:
@@ -208,24 +129,3 @@ def inertia(m: _Motion, effort: str) -> tuple[float, float]:
 def _correlation(a: Vector, b: Vector) -> float:
     a, b = a - a.mean(), b - b.mean()
     return float(abs(a @ b) / np.sqrt((a @ a) * (b @ b))) if np.any(a) and np.any(b) else 0.0
-
-
-def _runs(at: NDArray[np.bool_]) -> NDArray[np.intp]:
-    edges = np.diff(np.concatenate([[0], at.astype(int), [0]]))
-    return np.flatnonzero(edges == -1) - np.flatnonzero(edges == 1)
-
-
-def _longest(at: NDArray[np.bool_]) -> tuple[int, int]:
-    """Start and length of the longest run."""
-    edges = np.diff(np.concatenate([[0], at.astype(int), [0]]))
-    starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-    if not len(starts):
-        return 0, 0
-    k = int(np.argmax(stops - starts))
-    return int(starts[k]), int(stops[k] - starts[k])
-
-
-def _within(n: int, start: int, length: int) -> NDArray[np.bool_]:
-    inside = np.zeros(n, dtype=bool)
-    inside[start : start + length] = True
-    return inside

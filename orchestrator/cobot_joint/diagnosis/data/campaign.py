@@ -25,7 +25,7 @@ from cobot_joint.diagnosis.data.check import check
 from cobot_joint.diagnosis.data.formats import nearest
 from cobot_joint.diagnosis.data.parameters import run_values, with_values
 from cobot_joint.diagnosis.data.recording import Column, Connector, Recording, Role, read_recording
-from cobot_joint.diagnosis.data.suspicion import Suspicion
+from cobot_joint.diagnosis.data.suspicion import Suspicion, without_faults
 from cobot_joint.diagnosis.data.tables import read_table
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import System
@@ -128,6 +128,7 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
             recording.name += f" from {recording.time[0]:.4g} s to {recording.time[-1]:.4g} s"
         recordings.append(recording)
     _something_moves(campaign)
+    recordings[:] = without_faults(recordings)
     names = [r.name for r in recordings]
     for recording in recordings:  # a.csv beside a.parquet
         if names.count(recording.name) > 1 and recording.path:

@@ -150,24 +150,25 @@ def resample(
     return np.where(lost, np.nan, series)
 
 
-def without_wild(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:
-    """The series with NaN (not recorded) for wild samples, (n,), and what was taken out in words; "": nothing.
+def without_wild(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], int, str]:
+    """The series with NaN (not recorded) for wild samples, (n,), and what was taken out: how many, and in words.
 
     Samples that no machine makes, a bit that fell over on the way: one of them outweighs all others in a fit. Told by a
     running median (Hampel 1974, J. Am. Stat. Assoc. 69(346)), since that of five follows whatever lasts for three.
     """
     known = np.flatnonzero(np.isfinite(x))
     if len(known) < LEAST:
-        return x, ""
+        return x, 0, ""
     y = x[known]
     low, high = np.quantile(y, [0.005, 0.995])
     wild = known[np.abs(y - median_filter(y, MEDIAN, mode="nearest")) > FAR * (high - low)]
     if high <= low or not len(wild):
-        return x, ""
+        return x, 0, ""
     left = x.copy()
     left[wild] = np.nan
     count = "1 sample lies" if len(wild) == 1 else f"{len(wild)} samples lie"
-    return left, f"{count} far outside, first {x[wild[0]]:.4g} among {low:.4g} to {high:.4g}: taken as not recorded"
+    words = f"{count} far outside, first {x[wild[0]]:.4g} among {low:.4g} to {high:.4g}: taken as not recorded"
+    return left, len(wild), words
 
 
 def fill(

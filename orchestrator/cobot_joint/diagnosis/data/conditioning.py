@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 from scipy.optimize import brentq
 
-from cobot_joint.diagnosis.data.campaign import Campaign, Recording
+from cobot_joint.diagnosis.data.recording import Recording
 
 WINDOWS = (256, 128, 64, 32)  # samples in which a quiet signal is a parabola, the most that agree with shorter ones
 AGREE = 1.2  # times the sigma of shorter windows, above which longer ones hold more than noise: coloured noise of 0.8
 # comes out 13 % less from 32 samples than from 256
 MOTION = 0.95  # lag-1 correlation from which on what the quietest windows hold is no noise, but the machine's motion
+ENOUGH = 16  # samples of a window, of which its noise can be told
 ROUNDING = 1e-12  # of the largest value: a window that varies by less stands still, and says nothing of the noise
 QUIETEST = (
     0.03  # share of windows that is taken for noise alone; windows as quiet, within the scatter of a variance, join it
@@ -38,9 +39,10 @@ class ChannelQuality:
     samples: int
 
 
-def condition(campaign: Campaign) -> dict[str, ChannelQuality]:
-    """Per compared channel, over all recordings of the campaign that have it: the logger is the same in all of them."""
-    return {name: _of_channel(name, [r for r in campaign.recordings if name in r.outputs]) for name in campaign.outputs}
+def condition(recordings: Sequence[Recording]) -> dict[str, ChannelQuality]:
+    """Per compared channel, over all recordings that have it: the logger is the same in all of them."""
+    names = dict.fromkeys(name for r in recordings for name in r.outputs)
+    return {name: _of_channel(name, [r for r in recordings if name in r.outputs]) for name in names}
 
 
 def _of_channel(name: str, recordings: Sequence[Recording]) -> ChannelQuality:
@@ -75,7 +77,7 @@ def noise_and_colour(*series: NDArray[np.float64]) -> tuple[float, float]:
 
     In windows, less a parabola; the quietest windows are noise alone. Noise is the same in windows of any length; what
     longer ones have more is the machine's own motion. Where no window is without motion, only what differs from one
-    sample to the next without a pattern is noise, and white. (NaN, 0) where no window is recorded in full.
+    sample to the next without a pattern is noise, and white. (NaN, 0) where no window has enough samples.
     """
     longest = max(16, min(map(len, series)) // 8)
     found = [_in_windows(series, n) for n in dict.fromkeys(min(n, longest) for n in WINDOWS)]
@@ -94,29 +96,45 @@ def _from_sample_to_sample(series: Sequence[NDArray[np.float64]]) -> float:
 
 
 def _in_windows(series: Sequence[NDArray[np.float64]], n: int) -> tuple[float, float]:
-    """The same from windows of n samples.
+    """The same from windows of n samples; where none is recorded in full, from those with `ENOUGH` of them.
 
     What the parabola takes from coloured noise is put back by matching the expected moments of a first-order process.
     """
     windows = np.concatenate([np.lib.stride_tricks.sliding_window_view(x, n)[:: n // 2] for x in series])
-    windows = windows[np.isfinite(windows).all(axis=1)]
+    known = np.isfinite(windows)
+    full = known.all(axis=1)
+    some = full if full.any() else known.sum(axis=1) >= ENOUGH
+    windows, known = windows[some], known[some]
     if not len(windows):
         return float("nan"), 0.0
-    basis = _parabolas(n)
-    rest = windows - (windows @ basis) @ basis.T
-    power = np.mean(rest**2, axis=1)
-    moves = power > (ROUNDING * np.max(np.abs(windows))) ** 2
+    rest = _less_parabola(windows, known)
+    m = round(float(known.sum(axis=1).mean()))
+    power = np.sum(rest**2, axis=1) / known.sum(axis=1)
+    moves = power > (ROUNDING * np.nanmax(np.abs(windows))) ** 2
     if not moves.any():
         return 0.0, 0.0
-    rest, power = rest[moves], power[moves]
+    rest, known, power = rest[moves], known[moves], power[moves]
     floor = np.quantile(power, QUIETEST)
     colour, variance = 0.0, 0.0
     for _ in range(3):  # coloured noise has fewer independent samples per window: its variances scatter more
-        scatter = np.sqrt(2 / n * (1 + colour**2) / (1 - colour**2))
+        scatter = np.sqrt(2 / m * (1 + colour**2) / (1 - colour**2))
         quiet = power <= floor * (1 + 2.5 * scatter) / max(1 - 1.9 * scatter, 0.25)
         variance = float(np.mean(power[quiet]))
-        colour = _colour(n, float(np.mean(rest[quiet, 1:] * rest[quiet, :-1])) / variance)
-    return float(np.sqrt(variance / _moments(n, colour)[0])), colour
+        pairs = known[quiet, 1:] & known[quiet, :-1]
+        product = float(np.sum(rest[quiet, 1:] * rest[quiet, :-1])) / max(int(pairs.sum()), 1)
+        colour = _colour(m, product / variance)
+    return float(np.sqrt(variance / _moments(m, colour)[0])), colour
+
+
+def _less_parabola(windows: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Windows, (k, n), less the parabola that fits what is known of each; 0 where nothing is known."""
+    basis = _parabolas(windows.shape[1])
+    if known.all():
+        return np.asarray(windows - (windows @ basis) @ basis.T)
+    there = np.where(known, windows, 0.0)
+    gram = np.einsum("kn,ni,nj->kij", known.astype(float), basis, basis)
+    fitted = np.linalg.solve(gram, (there @ basis)[..., None])[..., 0] @ basis.T
+    return np.where(known, windows - fitted, 0.0)
 
 
 def _colour(n: int, seen: float, lower: float = -0.95, upper: float = 0.98) -> float:

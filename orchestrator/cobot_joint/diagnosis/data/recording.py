@@ -31,6 +31,16 @@ class Connector:
     unit: str | None = None
 
 
+@dataclass(frozen=True)
+class LeftOut:
+    """Samples of a channel that are no measurements, and are taken as not recorded."""
+
+    channel: str  # connector
+    kind: Literal["outlier", "clipped", "frozen", "held"]
+    samples: int
+    words: str
+
+
 @dataclass
 class Recording:
     """One run. All arrays share `time`: regular, ascending, (n,).
@@ -52,7 +62,7 @@ class Recording:
     notes: list[str] = field(default_factory=list)
     path: Path | None = None
     scatter: dict[str, float] = field(default_factory=dict)  # of a table: 1 sigma per output; time is no time then
-    wild: dict[str, str] = field(default_factory=dict)  # connector -> samples that were taken out, in words
+    left_out: list[LeftOut] = field(default_factory=list)
 
     @property
     def step(self) -> float:
@@ -113,14 +123,15 @@ def read_recording(
     inputs: dict[str, NDArray[np.float64]] = {}
     outputs: dict[str, NDArray[np.float64]] = {}
     units, positions = {}, {}
-    wild: dict[str, str] = {}
+    left_out: list[LeftOut] = []
     for name, channel in raw.items():
         _, header, column = found[name]
         target = connectors[name].unit
         counted = product(target, "s", str(path)) if column.derivative and target else target
         values, units[name] = _in_unit(path, channel, header, column, counted, notes)
-        values, taken_out = (values, "") if steady or column.believed else without_wild(values)
-        wild |= {name: taken_out} if taken_out else {}
+        if not steady and not column.believed:
+            values, count, words = without_wild(values)
+            left_out += [LeftOut(name, "outlier", count, words)] if count else []
         series = resample(channel.name, channel.time, values, time, notes)
         if connectors[name].causality == "input":
             series = fill(path, channel.name, time, series, notes)
@@ -141,7 +152,7 @@ def read_recording(
         believed={name for name, (_, _, column) in found.items() if column.believed},
         notes=_grouped(notes, len(raw)),
         path=path,
-        wild=wild,
+        left_out=left_out,
     )
 
 

@@ -1,14 +1,32 @@
-"""What may be wrong with a channel, as far as its recordings say."""
+"""What may be wrong with a channel, as far as its recordings say, and which of its samples are no measurements then."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+
+from cobot_joint.diagnosis.data.conditioning import RAIL, noise_and_colour, quantisation_step
+from cobot_joint.diagnosis.data.recording import LeftOut, Recording
+
+Vector = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 Kind = Literal[
     "factor", "sign", "swapped", "late", "clock drifts", "drift",  # beside the nominal system
     "clipped", "frozen", "held", "outlier", "not excited", "inertia differs", "duplicate",  # from the data alone
 ]  # fmt: skip
+
+CLIPPED = 0.002  # share of samples at an extreme, in runs that noise would break up
+FROZEN = 0.25  # s of one value while others move
+HELD = 0.1  # share of samples that repeat the one before in the middle of motion: 0.05 at most in 493 sound channels
+PACE = 3.0  # steps, and sigma of the noise, per sample, from which on motion is no chance repeat (at 2: share 0.11)
+SHAKES = 0.75  # steps of noise, rounding included, from which on leaving repeats out moves no mean by 0.01 steps
+RESTING = ("rad", "m")  # a shaft may stand still anywhere
+REACH = 5  # samples on either side, over which a channel's pace is taken
 
 
 @dataclass(frozen=True)
@@ -23,3 +41,173 @@ class Suspicion:
 
     def __str__(self) -> str:
         return f"{self.recording}: {self.channel}: {self.evidence}"
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Samples of an output that are no measurements, (n,); none: it is seen, and which samples is not."""
+
+    channel: str
+    kind: Literal["clipped", "frozen", "held"]
+    words: str
+    at: Mask
+
+
+def without_faults(recordings: Sequence[Recording]) -> list[Recording]:
+    """With clipped, frozen and repeated samples taken as not recorded (NaN), and channels of one value left away.
+
+    A channel that is held in one run is held in all: slow motion does not show it. A column that somebody looked at is
+    believed. What is left out is said in `left_out`.
+    """
+    found = [list(faults(r)) for r in recordings]
+    slow = {fault.channel: fault.words for of_run in found for fault in of_run if fault.kind == "held"}
+    left = []
+    for r, of_run in zip(recordings, found, strict=True):
+        told = {fault.channel for fault in of_run}
+        more = [Fault(n, "held", slow[n], repeated(r.outputs[n])) for n in slow if n in r.outputs and n not in told]
+        left.append(_without(r, [*of_run, *more]))
+    return left
+
+
+def _without(r: Recording, found: Sequence[Fault]) -> Recording:
+    outputs, left_out = dict(r.outputs), list(r.left_out)
+    for fault in found:
+        name, x = fault.channel, outputs[fault.channel]
+        count = int((fault.at & np.isfinite(x)).sum())
+        if name in r.believed or not count:
+            continue
+        outputs[name] = np.where(fault.at, np.nan, x)
+        what = f"{count} of {len(x)} samples are taken as not recorded"
+        if not np.isfinite(outputs[name]).any():
+            del outputs[name]
+            what = "it is not compared; if it is right, scale = 1"
+        left_out.append(LeftOut(name, fault.kind, count, f"{fault.words}: {what}"))
+    return replace(r, outputs=outputs, left_out=left_out) if len(left_out) > len(r.left_out) else r
+
+
+def faults(r: Recording) -> Iterator[Fault]:
+    """Of a recording's outputs; at most one per channel. A commanded input may stand still and end at a limit."""
+    at_none = np.zeros(len(r.time), dtype=bool)
+    for name, x in r.outputs.items():
+        if np.isfinite(x).sum() < 2 or name in r.scatter:  # rows of a table follow one another in no time
+            continue
+        words, at = ("", at_none) if r.units.get(name) in RESTING else clipped(x)
+        if words:
+            yield Fault(name, "clipped", words, at)
+            continue
+        words, at = frozen(x, r, name)
+        if words:
+            yield Fault(name, "frozen", words, at)
+            continue
+        words, at = held(x)
+        if words:
+            yield Fault(name, "held", words, at)
+
+
+def clipped(x: Vector) -> tuple[str, Mask]:
+    """Runs of one value at an extreme, of a channel that is never as still anywhere else.
+
+    Samples beside one at the extreme go with it: of those near the limit only what noise leaves below would be kept.
+    None go where the converter's steps hide the noise: a smooth peak is as still then.
+    """
+    known = np.isfinite(x)
+    still = np.concatenate([[False], np.diff(x[known]) == 0])
+    said, out = [], np.zeros(len(x), dtype=bool)
+    for what, extreme in (("top", x[known].max()), ("bottom", x[known].min())):
+        at = x[known] == extreme
+        count = int(sum(stop - start for start, stop in runs(at) if stop - start >= RAIL))
+        elsewhere = still[~at].mean() if (~at).any() else 1.0
+        if count >= max(CLIPPED * len(at), RAIL) and elsewhere < 0.6 and extreme != 0:
+            said.append(f"clipped at the {what}, {extreme:.4g}: {count} of {len(at)} samples in runs of one value")
+            out |= binary_dilation(x == extreme, iterations=RAIL)
+    return "; ".join(said), out & (not _hides_noise(np.where(out, np.nan, x)))
+
+
+def frozen(x: Vector, r: Recording, name: str) -> tuple[str, Mask]:
+    """One value for long, of a channel with noise, or that has left rest while other channels move.
+
+    A drive that is switched off may log nothing but zeros: these are frozen only while another channel moves.
+    """
+    nowhere = np.zeros(len(x), dtype=bool)
+    if np.nanmax(x) == np.nanmin(x):
+        words = f"one value, {np.nanmax(x):.4g}, in the whole recording"
+        mover = _mover(r, name, slice(0, len(x)))
+        return (f"{words}, while {mover} moves", ~nowhere) if mover in r.outputs else (words, nowhere)
+    same = _again(x)
+    long = [run for run in runs(same) if (run[1] - run[0] + 1) * r.step >= FROZEN and run[1] - run[0] >= 4 * RAIL]
+    within = nowhere.copy()
+    for start, stop in long:
+        within[start:stop] = True
+    elsewhere = np.where(within, np.nan, x)
+    if not long or _hides_noise(elsewhere):
+        return "", nowhere
+    noisy, rests = same[~within].mean() < 0.5, r.units.get(name) in RESTING
+    found = {}
+    for start, stop in long:
+        mover = _mover(r, name, slice(max(start - 1, 0), stop))
+        if (mover and noisy) or (x[start] != 0 and (mover or (noisy and not rests))):
+            found[start, stop] = f"while {mover} moves" if mover else "without its noise"
+            nowhere[start:stop] = True
+    if not found:
+        return "", nowhere
+    start, stop = max(found, key=lambda run: run[1] - run[0])
+    since, span = r.time[start] - r.time[0], (stop - start) * r.step
+    return f"frozen at {x[start]:.4g} for {span:.3g} s from {since:.4g} s on, {found[start, stop]}", nowhere
+
+
+def _hides_noise(x: Vector) -> bool:
+    """Whether the converter's steps are so wide that noise does not move the channel from one to the next."""
+    return bool(np.nan_to_num(noise_and_colour(x)[0]) < 0.5 * quantisation_step(x[np.isfinite(x)]))
+
+
+def _mover(r: Recording, name: str, span: slice) -> str:
+    """Another channel that moves meanwhile; "": none. Beside a shaft's position a speed."""
+    moves = {n: y for n, y in (r.outputs | r.inputs).items() if r.units.get(name) not in RESTING or _is_speed(r, n)}
+    return next((n for n, y in moves.items() if n != name and _moves(y, span)), "")
+
+
+def _is_speed(r: Recording, name: str) -> bool:
+    return r.units.get(name) in ("rad/s", "m/s") and name in r.outputs
+
+
+def _moves(y: Vector, span: slice) -> bool:
+    part, whole = y[span][np.isfinite(y[span])], y[np.isfinite(y)]
+    return len(part) > 1 and bool(np.ptp(part) > 0.2 * np.ptp(whole) > 0)
+
+
+def held(x: Vector) -> tuple[str, Mask]:
+    """Samples that repeat the one before while the channel moves on by more than its step and noise per sample."""
+    nowhere = np.zeros(len(x), dtype=bool)
+    noise, step, pace = _noise_step_pace(x)
+    moving = pace > PACE * max(step, noise)
+    if moving.sum() < 100:
+        return "", nowhere
+    share = float(np.mean(_again(x)[moving]))
+    if share <= HELD:
+        return "", nowhere
+    words = f"{100 * share:.0f} % of its samples repeat the one before while it moves: held, or slower than the clock"
+    return words, repeated(x)
+
+
+def repeated(x: Vector) -> Mask:
+    """Samples of a held channel that are the one before; where steps hide noise and motion, it may just stand still."""
+    noise, step, pace = _noise_step_pace(x)
+    return np.asarray(_again(x) & ((noise > SHAKES * step) | (pace > step)))
+
+
+def _again(x: Vector) -> Mask:
+    return np.concatenate([[False], np.diff(x) == 0])
+
+
+def _noise_step_pace(x: Vector) -> tuple[float, float, Vector]:
+    """1 sigma, the converter's step, and the change per sample over ten of them, (n,)."""
+    pace = np.zeros(len(x))
+    if len(x) > 2 * REACH:
+        pace[REACH:-REACH] = np.nan_to_num(np.abs(x[2 * REACH :] - x[: -2 * REACH])) / (2 * REACH)
+    return float(np.nan_to_num(noise_and_colour(x)[0])), quantisation_step(x[np.isfinite(x)]), pace
+
+
+def runs(at: Mask) -> list[tuple[int, int]]:
+    """First and one past the last index of every stretch of True."""
+    edges = np.diff(np.concatenate([[0], at.astype(int), [0]]))
+    return list(zip(np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist(), strict=True))

@@ -45,6 +45,12 @@ class Noise:
         theta = (g0 - np.sqrt(g0**2 - 4 * g1**2)) / (2 * g1)  # the invertible root of g1 theta^2 - g0 theta + g1 = 0
         return rho, float(theta), float(np.sqrt(g1 / theta))
 
+    def sigma_after(self, steps: Vector) -> Vector:
+        """1 sigma of what a sample is off from its prediction by the one that came so many steps before: like steps."""
+        first = self.sigma**2 - min(self.step**2 / 12, 0.5 * self.sigma**2)
+        r2 = self.filter[0] ** (2 * steps)
+        return np.asarray(np.sqrt(self.sigma**2 * (1 + r2) - 2 * r2 * first))
+
     def draw(self, n: int, rng: np.random.Generator) -> Vector:
         """Such noise before it is rounded, stationary from the first sample on: (n,)"""
         sigma = np.sqrt(max(self.sigma**2 - self.step**2 / 12, 0.0))
@@ -67,6 +73,7 @@ class Run:
     added: Mapping[str, Mapping[str, Vector]] = field(default_factory=dict)  # recording -> port -> (n,)
     touches: tuple[str, ...] = ()  # components beside which nothing changes: recordings without them are not run again
     readings: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # channel -> its log's gain and offset
+    stamps: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # channel -> s late, s per s that it grows
 
     def with_values(self, values: Mapping[str, float], onsets: Mapping[str, float] | None = None) -> Run:
         """The same with further parameters, and from which times on these hold."""
@@ -108,6 +115,32 @@ class Block:
     weight: NDArray[np.float64]  # 0 where not recorded
 
 
+@dataclass(frozen=True)
+class Gaps:
+    """Where a channel was not recorded.
+
+    since: samples since the last that was recorded, 0: this one; before the first more than there are. resumes: which
+    follow on a gap.
+    """
+
+    since: Vector
+    resumes: NDArray[np.intp]
+
+    @staticmethod
+    def of(known: NDArray[np.bool_]) -> Gaps:
+        """known: (n,)"""
+        count = np.arange(len(known))
+        since = count - np.maximum.accumulate(np.where(known, count, -len(known)))
+        return Gaps(since.astype(float), np.flatnonzero(known[1:] & ~known[:-1]) + 1)
+
+    def bridged(self, y: Vector, rho: float) -> Vector:
+        """What the colour rho predicts from the last sample before it in place of what was not recorded: (n,)"""
+        if not self.since.any():
+            return y
+        last = np.arange(len(y)) - self.since.astype(int)
+        return np.where(last < 0, 0.0, y[last] * rho**self.since)
+
+
 def one_blas_thread() -> AbstractContextManager[object]:
     """Simulations fill the cores, and threads of BLAS spin while they wait for one."""
     return threadpool_limits(limits=1, user_api="blas")
@@ -137,13 +170,14 @@ class Problem:
         self.watch: Callable[[int, int], None] | None = None  # told of simulations done, of how many asked for at once
         self._took = [0.0 for _ in self.recordings]  # s; that a simulation took the last time
         self.blocks: list[Block] = []
+        self._gaps: list[Gaps] = []  # block by block
         row = 0
         for number, recording in enumerate(self.recordings):
             for channel, recorded in recording.outputs.items():
                 known = np.isfinite(recorded)
-                known[1:] &= known[:-1].copy() | (noise[channel].colour == 0)
                 rows = slice(row, row + len(recorded))
                 self.blocks.append(Block(number, channel, rows, known.astype(float)))
+                self._gaps.append(Gaps.of(known))
                 row = rows.stop
         self.rows = row
         self.recorded = self.whiten([r.outputs for r in self.recordings])
@@ -164,13 +198,18 @@ class Problem:
         return all(recording.scatter for recording in self.recordings)
 
     def whiten(self, outputs: Sequence[Mapping[str, Vector]]) -> Vector:
-        """Per recording, channel -> (n,): stacked as (rows,), divided by the innovation's sigma."""
+        """Per recording, channel -> (n,): stacked as (rows,), divided by the innovation's sigma.
+
+        In a gap stands what the noise's colour predicts from the sample before, recorded and simulated alike.
+        """
         stacked = np.empty(self.rows)
-        for block in self.blocks:
-            y = np.nan_to_num(outputs[block.recording][block.channel])
-            rho, theta, sigma = self.noise[block.channel].filter
+        for block, gaps in zip(self.blocks, self._gaps, strict=True):
+            noise = self.noise[block.channel]
+            rho, theta, sigma = noise.filter
+            y = gaps.bridged(np.asarray(outputs[block.recording][block.channel]), rho)
             white = lfilter([1.0, -rho], [1.0, theta], y) / sigma
-            white[0] = y[0] / self.noise[block.channel].sigma
+            white[0] = y[0] / noise.sigma
+            white[gaps.resumes] *= sigma / noise.sigma_after(1.0 + gaps.since[gaps.resumes - 1])
             stacked[block.rows] = white * block.weight
         return stacked
 
@@ -229,7 +268,7 @@ class Problem:
             self._took[n] = time.perf_counter() - begun
 
     def _simulate(self, run: Run, n: int, signals: Sequence[str]) -> Signals:
-        recording = _undone(self.recordings[n], run.readings)
+        recording = _undone(self.recordings[n], run)
         there = {name: value for name, value in run.values.items() if self.plant.has(name, recording)}
         wanted = [name for name in signals if self.plant.has(name, recording)]
         added = {p: x for p, x in run.added.get(recording.name, {}).items() if self.plant.has(p, recording)}
@@ -237,7 +276,7 @@ class Problem:
         found = self.plant.simulate(there, recording, onsets=onsets, added=added, signals=wanted)
         if not all(np.isfinite(found[channel]).all() for channel in recording.outputs):
             raise SimulationError(f"{recording.name}: the simulation diverges")
-        return {**found, **{c: k * found[c] + b for c, (k, b) in run.readings.items() if c in recording.outputs}}
+        return _logged(found, recording, run)
 
     def excess_by_block(self, residual: Vector) -> list[Vector]:
         """Per block of rows: chi-square of means over `BLOCK` samples less its expectation, (n / BLOCK,).
@@ -273,10 +312,28 @@ class Problem:
         return stacked
 
 
-def _undone(recording: Recording, readings: Mapping[str, tuple[float, float]]) -> Recording:
-    """With its inputs as they were, where these are recorded as gain*there + offset."""
-    there = {n: (recording.inputs[n] - b) / k for n, (k, b) in readings.items() if n in recording.inputs}
-    return replace(recording, inputs=recording.inputs | there) if there else recording
+def _undone(recording: Recording, run: Run) -> Recording:
+    """With its inputs as they were, where these are recorded as gain*there + offset, or there(t - late - rate*t)."""
+    inputs, t = dict(recording.inputs), recording.time - recording.time[0]
+    for name, (gain, offset) in run.readings.items():
+        if name in inputs:
+            inputs[name] = (inputs[name] - offset) / gain
+    for name, (late, rate) in run.stamps.items():
+        if name in inputs:
+            inputs[name] = np.interp((t + late) / (1 - rate), t, inputs[name])
+    return replace(recording, inputs=inputs) if run.readings or run.stamps else recording
+
+
+def _logged(found: Signals, recording: Recording, run: Run) -> Signals:
+    """With outputs as they are recorded."""
+    t = recording.time - recording.time[0]
+    read = {c: k * found[c] + b for c, (k, b) in run.readings.items() if c in recording.outputs}
+    stamped = {
+        c: np.interp(t - late - rate * t, t, read.get(c, found[c]))
+        for c, (late, rate) in run.stamps.items()
+        if c in recording.outputs
+    }
+    return {**found, **read, **stamped}
 
 
 def _binned(x: Vector) -> Vector:

@@ -57,7 +57,7 @@ def verify(folder: Path, campaign: Campaign) -> dict[str, Any]:
         system += ", changed since diagnose wrote it"
     calibrated = {name: estimate["value"] for name, estimate in diagnosis["calibrated"].items()}
     compared = compare_systems(campaign, campaign.holdout, folder, calibrated)
-    quality = condition(campaign)
+    quality = condition(campaign.recordings)
     figures = channel_figures(compared)
     noise = {name: (diagnosis["channels"].get(name) or {}).get("noise") or quality[name].noise for name in figures}
     predicted, why = _predicted(campaign, variants(campaign, folder, calibrated))

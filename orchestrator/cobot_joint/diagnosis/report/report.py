@@ -209,5 +209,5 @@ def _recording(c: Comparison) -> dict[str, Any]:
         "setup": r.setup,
         "seconds": float(r.time[-1] - r.time[0]),
         "step": r.step,
-        "notes": r.notes,
+        "notes": [*r.notes, *(f"{out.channel}: {out.words}" for out in r.left_out)],
     }

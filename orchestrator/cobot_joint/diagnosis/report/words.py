@@ -12,6 +12,8 @@ from cobot_joint.diagnosis.repair.gate import calibration_misleads, fails
 from cobot_joint.diagnosis.report import localization_words
 
 Json = Mapping[str, Any]
+SLIGHT = 2e-5  # s, s per s; a quartz clock is off by as much
+NO_MEASUREMENT = {"outlier": "far outside", "clipped": "clipped", "frozen": "frozen", "held": "repeated"}
 
 
 def spoken(content: Json) -> dict[str, Any]:
@@ -72,11 +74,13 @@ def pulses(value: np.ndarray[Any, Any]) -> list[np.ndarray[Any, Any]]:
 
 
 def misread(m: Json) -> str:
-    """A channel's gain and offset, as far as they are any."""
+    """A channel's gain and offset, or its stamps, as far as they are any."""
+    other = f" (or {m['alike']} is misread, which fits as well)" if m["alike"] else ""
+    if m.get("late"):
+        return f"{m['column']} is stamped {' and '.join(_stamped(m))}{other}"
     gain, offset = _off(m)
     said = [f"{m['gain']['value']:.4g} times what is there"] if gain else []
     said += [f"{m['offset']['value']:+.4g} {m['offset']['unit']} off"] if offset else []
-    other = f" (or {m['alike']} is misread, which fits as well)" if m["alike"] else ""
     return f"{m['column']} is logged {' and '.join(said)}{other}"
 
 
@@ -84,6 +88,18 @@ def remedy(m: Json | None) -> str | None:
     """What to do about a channel that is misread; None: there is none."""
     if not m:
         return None
+    if m.get("late"):
+        late = f"{m['late']['value']:.4g}"
+        undone = (
+            "record it by the clock of the others, or resample it"
+            if _drifts(m)
+            else f'say late = {{ "{m["column"]}" = {late} }} in each [[recording]]'
+        )
+        name = m["column"]
+        return (
+            f"Hold the clock of {name} against that of the other channels. If it is off, {undone}, and diagnose again; "
+            f"if it is right, say scale = 1 for {name} in [channels]: then it is believed, and the machine is asked."
+        )
     gain, offset = _off(m)
     keys = [f"scale = {1 / m['gain']['value']:.5g}"] if gain else []
     shift = -m["offset"]["value"] / m["gain"]["value"]
@@ -92,6 +108,19 @@ def remedy(m: Json | None) -> str | None:
         f"Hold {m['column']} against another instrument. If its log is wrong, say {', '.join(keys)} for it in "
         f"[channels] and diagnose again; if it is right, say scale = 1: then it is believed, and the machine is asked."
     )
+
+
+def _stamped(m: Json) -> list[str]:
+    """How far its stamps are off: at the beginning, and what is added."""
+    late, rate = m["late"]["value"], m["rate"]["value"]
+    drifts = _drifts(m)
+    said = [f"{1e3 * abs(late):.3g} ms {'late' if late > 0 else 'early'}"] if not drifts or abs(late) > SLIGHT else []
+    said += [f"{1e3 * abs(rate):.3g} ms per s {'later' if rate > 0 else 'earlier'}"] if drifts else []
+    return said
+
+
+def _drifts(m: Json) -> bool:
+    return _excludes(m["rate"], 0.0) and abs(m["rate"]["value"]) > SLIGHT
 
 
 def _off(m: Json) -> tuple[bool, bool]:
@@ -142,7 +171,19 @@ def notes(content: Json) -> list[str]:
         said.append(f"{' and '.join(refuted)} {one if len(refuted) == 1 else several}: that is not it")
     if time_was_up := left_out(content):
         said.append(time_was_up)
-    return said + _unexplained(content)
+    return said + not_compared(content) + _unexplained(content)
+
+
+def not_compared(content: Json) -> list[str]:
+    """Samples that are no measurements, channel by channel."""
+    found: dict[tuple[str, str], list[Json]] = {}
+    for out in content.get("not_compared", ()):
+        found.setdefault((out["channel"], out["why"]), []).append(out)
+    return [
+        f"{channel}: {sum(o['samples'] for o in outs)} of {sum(o['of'] for o in outs)} samples are "
+        f"{NO_MEASUREMENT[why]} and not compared, in {' and '.join(o['recording'] for o in outs)}"
+        for (channel, why), outs in found.items()
+    ]
 
 
 def left_out(content: Json) -> str | None:

@@ -18,6 +18,7 @@ from cobot_joint.diagnosis.estimation.least_squares import Precision, bounded_st
 from cobot_joint.diagnosis.estimation.port_response import same_direction
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 from cobot_joint.diagnosis.estimation.reading import Reading
+from cobot_joint.diagnosis.estimation.stamps import Stamps
 from cobot_joint.diagnosis.findings import Estimate, Misreading
 
 TRIED = 2  # channels that are fitted
@@ -38,7 +39,7 @@ class Suspect:
 
 @dataclass
 class Misread:
-    """The base model re-fitted beside a channel's gain and offset.
+    """The base model re-fitted beside a channel's gain and offset, or its stamps.
 
     predicted: chi-square that these were to take. own: their columns at the calibrated base model, (rows, 2). taken:
     share of the excess that they take. alike: a channel with which as little is left.
@@ -51,18 +52,28 @@ class Misread:
     alike: str = ""
 
     @property
-    def reading(self) -> Reading:
+    def reading(self) -> Reading | Stamps:
         """As it was fitted."""
         effect = self.fit.hypothesis.effects[-1]
-        assert isinstance(effect, Reading)
+        assert isinstance(effect, Reading | Stamps)
         return effect.at(self.fit.x[-2:])
+
+    @property
+    def channel(self) -> str:
+        """Whose log it is."""
+        return self.reading.channel
 
     def explains(self, problem: Problem) -> bool:
         """Whether nothing is left."""
         return not problem.unexplained(self.fit.residual)
 
     def rivalled(self, problem: Problem, calibrated: Fit, scan: Scan) -> bool:
-        """Whether a listed term is predicted to do as well, or is the same under another name."""
+        """Whether a listed term is predicted to do as well, or is the same under another name.
+
+        None is a delay that grows: what they are predicted to take of one is beyond what is linear.
+        """
+        if isinstance(self.reading, Stamps) and any(self.reading.drifts(r.time) for r in problem.recordings):
+            return False
         columns = scan.columns(calibrated)
         twins = (c.vectors[0] for c in columns if len(c.vectors) == 1)
         if any(same_direction(self.own @ self.fit.x[-2:], vector, thresholds.COLLINEAR) for vector in twins):
@@ -78,15 +89,27 @@ class Misread:
         """As a diagnosis says it."""
         reading, k = self.reading, len(self.fit.x) - 2
         (low, high), shift = self.fit.interval(k), self.fit.interval(k + 1)
+        r = next(r for r in problem.recordings if reading.channel in (*r.inputs, *r.outputs))
+        column, unit = r.columns.get(reading.channel, reading.channel), r.units.get(reading.channel, "1")
+        if isinstance(reading, Stamps):
+            return Misreading(
+                reading.channel,
+                column,
+                Estimate(1.0, "1", (1.0, 1.0)),
+                Estimate(0.0, unit, (0.0, 0.0)),
+                min(self.taken, 1.0),
+                self.alike,
+                Estimate(reading.late, "s", (low, high)),
+                Estimate(reading.rate, "s/s", shift),
+            )
         if reading.drives:  # fitted as what undoes it
             scale = 1 / reading.gain
             (low, high), shift = (1 / high, 1 / low), (-shift[1] / scale, -shift[0] / scale)
-        r = next(r for r in problem.recordings if reading.channel in (*r.inputs, *r.outputs))
         return Misreading(
             reading.channel,
-            r.columns.get(reading.channel, reading.channel),
+            column,
             Estimate(reading.gain, "1", (low, high)),
-            Estimate(reading.offset, r.units.get(reading.channel, "1"), shift),
+            Estimate(reading.offset, unit, shift),
             min(self.taken, 1.0),
             self.alike,
         )
@@ -112,7 +135,7 @@ def look_for_misreading(problem: Problem, calibrated: Fit) -> Misread | None:
     if not fitted:
         return None
     best, *others = sorted(fitted, key=lambda m: m.fit.cost)
-    alike = [m.reading.channel for m in others if m.fit.cost - best.fit.cost < thresholds.ALIKE]
+    alike = [m.channel for m in others if m.fit.cost - best.fit.cost < thresholds.ALIKE]
     return replace(best, alike=alike[0]) if alike else best
 
 
@@ -122,7 +145,7 @@ def suspects(problem: Problem, calibrated: Fit) -> list[Suspect]:
     for reading in _readings(problem):
         own = _columns(problem, calibrated, reading)
         if own is not None:
-            predicted, x = _predicted(calibrated, reading, own)
+            predicted, x = predicted_of(calibrated, reading, own)
             found.append(Suspect(reading.at(x), own, predicted))
     return sorted(found, key=lambda suspect: -suspect.predicted)
 
@@ -157,7 +180,7 @@ def _columns(problem: Problem, at: Fit, reading: Reading) -> Vector | None:
     return np.column_stack([only(lambda y: y), only(np.ones_like)]) * scales
 
 
-def _predicted(at: Fit, reading: Reading, own: Vector) -> tuple[float, Vector]:
+def predicted_of(at: Fit, reading: Reading | Stamps, own: Vector) -> tuple[float, Vector]:
     """Decrease of the cost beyond what a re-fit alone brings, base parameters inside their bounds, and the reading's
     coordinates."""
     J, coordinates = np.column_stack([at.jacobian, own]), [*at.hypothesis.coordinates, *reading.coordinates]

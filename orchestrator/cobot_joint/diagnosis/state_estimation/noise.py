@@ -44,7 +44,7 @@ class ChannelNoise:
 def noise_of(campaign: Campaign) -> dict[str, ChannelNoise]:
     """Per compared channel: what campaign.toml states is believed, the rest is estimated from the recordings."""
     found = {}
-    for name, quality in condition(campaign).items():
+    for name, quality in condition(campaign.recordings).items():
         logged = campaign.logged.get(name)
         step = logged.step if logged and logged.step is not None else quality.step
         sigma, colour = quality.noise, min(quality.colour, MOST)

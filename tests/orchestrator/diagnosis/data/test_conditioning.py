@@ -75,6 +75,14 @@ def test_samples_not_recorded_are_counted_and_do_not_disturb() -> None:
     assert q.noise == pytest.approx(0.3, rel=0.06)
 
 
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.8])
+def test_noise_and_its_colour_are_estimated_where_no_window_is_recorded_in_full(rho: float) -> None:
+    x = np.where(np.random.default_rng(3).random(N) < 0.3, np.nan, motion() + noise(rho, 0.3))
+    q = assess(x)
+    assert q.noise == pytest.approx(0.3, rel=0.06)
+    assert q.colour == pytest.approx(rho, abs=0.06)
+
+
 @pytest.mark.parametrize("seconds", [0.0, 0.4e-3, 3.3e-3, -2e-3])
 def test_a_delay_is_found_to_a_fraction_of_a_sample(seconds: float) -> None:
     tau, error = delay(motion() + noise(0, 0.1, 1), 0.5 * np.interp(T - seconds, T, motion()) + noise(0, 0.1, 2), STEP)
@@ -89,7 +97,7 @@ def test_channels_with_nothing_in_common_have_no_delay() -> None:
 @pytest.mark.parametrize(("case", "rho"), [("case01", 0.0), ("case03", 0.5), ("case06", 0.8)])
 def test_the_loggers_data_sheet_is_recovered_from_the_open_campaigns(root: Path, case: str, rho: float) -> None:
     """White noise and quantisation together: 4.06e-3 A, 0.320 rad/s, 5.19e-3 N.m, 12 bits."""
-    quality = condition(load_campaign(root / "proof/open" / case, roles=("train",)))
+    quality = condition(load_campaign(root / "proof/open" / case, roles=("train",)).recordings)
     for name, sigma in {"i_motor": 4.06e-3, "w_motor": 0.320, "tau_sensor": 5.19e-3}.items():
         assert quality[name].noise == pytest.approx(sigma, rel=0.03)
     assert quality["tau_sensor"].colour == pytest.approx(rho, abs=0.08)

@@ -83,7 +83,9 @@ def test_a_wild_sample_is_taken_out_and_said_and_an_input_is_bridged_there(tmp_p
     assert there.sum() >= 997
     assert np.allclose(r.outputs["w"][there], SIGNALS["w [rad/s]"][there], atol=0.02)  # one that is missing is bridged
     assert np.allclose(r.inputs["v"], SIGNALS["v [V]"])
-    assert r.wild["i"].startswith("3 samples lie far outside, first 1e+06 among")
+    out = {out.channel: out for out in r.left_out}
+    assert out["i"].samples == 3
+    assert out["i"].words.startswith("3 samples lie far outside, first 1e+06 among")
     (said,) = [s for s in suspicions([r]) if s.channel == "w"]
     assert (said.kind, said.wrong) == ("outlier", False)
 
@@ -91,7 +93,7 @@ def test_a_wild_sample_is_taken_out_and_said_and_an_input_is_bridged_there(tmp_p
 def test_a_pulse_of_three_samples_is_no_wild_sample(tmp_path: Path) -> None:
     pulse = {n: np.where(np.isin(np.arange(1000), [200, 201, 202]), 1e6, x) for n, x in SIGNALS.items()}
     r = read(tmp_path, T, pulse)
-    assert r.wild == {}
+    assert r.left_out == []
     assert r.outputs["w"][201] == 1e6
 
 
@@ -101,7 +103,7 @@ def test_a_wild_sample_of_a_column_that_somebody_looked_at_is_meant(tmp_path: Pa
     columns = {"v": "v", "w": Column("w", believed=True), "i": "i"}
     r = read_recording(tmp_path / "run.parquet", CONNECTORS, columns, Reading())
     assert r.outputs["w"][200] == 1e6
-    assert set(r.wild) == {"v", "i"}
+    assert {out.channel for out in r.left_out} == {"v", "i"}
 
 
 def test_values_that_are_missing_are_masked_and_said(tmp_path: Path) -> None:

@@ -63,7 +63,7 @@ def test_a_file_per_speed_is_a_row_of_its_means(tmp_path: Path) -> None:
     (r,) = loaded.recordings
     rows = r.outputs["tau"][np.isfinite(r.outputs["tau"])]
     assert rows == pytest.approx(law(np.sort(SPEEDS)) * 9.84e-5, abs=0.4 * 9.84e-5)
-    assert condition(loaded)["tau"].noise == pytest.approx(9.84e-5 / np.sqrt(200), rel=0.5)
+    assert condition(loaded.recordings)["tau"].noise == pytest.approx(9.84e-5 / np.sqrt(200), rel=0.5)
 
 
 def test_the_scatter_is_that_of_the_rows_and_not_of_the_law() -> None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.problem import Noise, Problem, Run
 from tests.orchestrator.diagnosis.axis import NOISE, Axis, campaign
 
@@ -32,6 +33,25 @@ def test_a_gap_adds_nothing_to_the_excess(share: float) -> None:
         assert not problem.unexplained(residual)
         left.append(problem.excess(residual) / problem.excess_scatter)
     assert abs(np.mean(left)) < 3 / np.sqrt(len(left))
+
+
+@pytest.mark.parametrize("lost", ["single samples", "a stretch"])
+@pytest.mark.parametrize("step", [0.0, 1.0], ids=["fine", "coarse"])
+@pytest.mark.parametrize("colour", [0.0, 0.3, 0.6])
+def test_coloured_noise_stays_white_across_gaps(colour: float, step: float, lost: str) -> None:
+    rng, n = np.random.default_rng(4), 40_000
+    noise, there = Noise(1.0, colour, step), 300 + 100 * np.sin(np.arange(n) / 500)
+    first = 1 - step**2 / 12  # rounding has no colour
+    gaps = rng.random(n) < 0.3 if lost == "single samples" else np.arange(n) % 1000 < 300
+    w = np.where(gaps, np.nan, noise.on(there, rng))
+    r = Recording("run", "train", "default", np.arange(n) * 1e-3, {}, {"w": w}, {"w": "rad/s"})
+    problem = Problem(Axis(), [r], {"w": Noise(1.0, colour * first, step)})
+    rest = problem.recorded - problem.whiten([{"w": there}])
+    known = problem.blocks[0].weight > 0
+    assert known.sum() == (~gaps).sum()
+    assert rest @ rest / problem.samples == pytest.approx(1, abs=0.03)
+    assert np.abs(rest).max() < 6
+    assert abs(np.mean((rest[1:] * rest[:-1])[known[1:] & known[:-1]])) < 0.03
 
 
 def test_the_excess_is_that_of_its_blocks_and_sees_slow_structure() -> None:

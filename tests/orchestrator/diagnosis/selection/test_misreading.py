@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 from cobot_joint.diagnosis.candidates.score_test import Scan
+from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.engine import diagnose_plant, identify
-from cobot_joint.diagnosis.estimation.problem import Run
+from cobot_joint.diagnosis.estimation.least_squares import fit
+from cobot_joint.diagnosis.estimation.problem import Problem, Run
 from cobot_joint.diagnosis.estimation.reading import Reading
 from cobot_joint.diagnosis.report.words import misread, remedy
 from cobot_joint.diagnosis.selection.misreading import look_for_misreading
+from cobot_joint.diagnosis.selection.mistimed import look_for_mistiming
 from tests.orchestrator.diagnosis.axis import Axis, campaign
 from tests.orchestrator.diagnosis.bench import calibrated
 
@@ -95,6 +98,88 @@ def test_a_diagnosis_asks_for_the_channel_in_place_of_naming_physics() -> None:
         assert found.misreading is not None
         assert found.misreading.channel == "w"
         assert found.misreading.gain.value == pytest.approx(1.6, rel=0.1)  # its tolerances take the rest
+
+
+def restamped(r: Recording, channel: str, late: float, rate: float) -> Recording:
+    """recorded(t) = there(t - late - rate*t)"""
+    t, kind = r.time - r.time[0], "inputs" if channel in r.inputs else "outputs"
+    series = getattr(r, kind)
+    return replace(r, **{kind: series | {channel: np.interp(t - late - rate * t, t, series[channel])}})
+
+
+MISTIMED = [
+    ("w", 0.1, 0.0),
+    pytest.param("w", 0.0, 0.03, marks=pytest.mark.long),
+    pytest.param("u", 0.1, 0.0, marks=pytest.mark.long),
+    pytest.param("u", 0.0, 0.03, marks=pytest.mark.long),
+]
+
+
+@pytest.mark.parametrize(("channel", "late", "rate"), MISTIMED)
+def test_a_channel_is_told_with_what_its_stamps_are_off(channel: str, late: float, rate: float) -> None:
+    case = campaign({})
+    case.recordings = [restamped(r, channel, late, rate) for r in case.recordings]
+    found = diagnose_plant(case, Axis())
+    assert found.verdict == "undecided"
+    assert found.findings == []
+    said = found.misreading
+    assert said is not None
+    assert said.late is not None
+    assert said.rate is not None
+    assert channel in (said.channel, said.alike)
+    sign = 1 if said.channel == channel else -1  # one of two channels: which of them is late cannot be told
+    assert sign * said.late.value == pytest.approx(late, abs=0.01)
+    assert sign * said.rate.value == pytest.approx(rate, abs=0.003)
+
+
+def test_missing_physics_is_no_channel_by_another_clock() -> None:
+    with calibrated({"motor_bldc.supply_sag.R_s": 0.05}) as (problem, base):
+        assert problem.unexplained(base.residual)
+        assert look_for_mistiming(problem, base) is None
+
+
+def test_a_delay_is_left_to_the_term_that_is_one_and_a_delay_that_grows_is_not() -> None:
+    for late, rate in ((0.01, 0.0), (0.0, 0.01)):
+        with calibrated({}) as (sound, before):
+            recorded = [restamped(r, "w_motor", late, rate) for r in sound.recordings]
+            problem = Problem(sound.plant, recorded, sound.noise)
+            base = fit(problem, before.hypothesis)
+            assert base is not None
+            found = look_for_mistiming(problem, base)
+            assert found is not None
+            assert found.channel == "w_motor"
+            term = [t for t in problem.plant.terms if t.name == "acquisition.speed_delay"]
+            assert found.rivalled(problem, base, Scan(problem, term)) == (rate == 0.0)
+
+
+def test_a_run_stamps_outputs_late_and_undoes_late_inputs() -> None:
+    with calibrated({}) as (problem, _):
+        for channel in ("v_command", "w_motor"):
+            late = [restamped(r, channel, 0.02, 1e-3) for r in problem.recordings]
+            plain = [replace(r, inputs=dict(r.inputs)) for r in problem.recordings]
+            problem.recordings = late
+            (found,) = problem.simulate([Run(stamps={channel: (0.02, 1e-3)})])
+            problem.recordings = plain
+            (there,) = problem.simulate([Run()])
+            assert found is not None
+            assert there is not None
+            for a, b, r in zip(found.outputs, there.outputs, plain, strict=True):
+                w = np.interp(0.999 * r.time - 0.02, r.time, b["w_motor"]) if channel == "w_motor" else b["w_motor"]
+                assert np.allclose(a["w_motor"][:3900], w[:3900], atol=0.2)
+
+
+def test_words_of_a_mistimed_channel_say_by_how_much_and_what_undoes_it() -> None:
+    said = {
+        "column": "speed [rpm]",
+        "late": {"value": 5e-3, "ci95": [4.9e-3, 5.1e-3]},
+        "rate": {"value": 1e-6, "ci95": [1e-7, 2e-6]},
+        "alike": None,
+    }
+    assert misread(said) == "speed [rpm] is stamped 5 ms late"
+    assert 'late = { "speed [rpm]" = 0.005 }' in str(remedy(said))
+    drifting = {**said, "late": {"value": 0.0, "ci95": [-1e-5, 1e-5]}, "rate": {"value": -5e-3, "ci95": [-6e-3, -4e-3]}}
+    assert misread(drifting) == "speed [rpm] is stamped 5 ms per s earlier"
+    assert "resample" in str(remedy(drifting))
 
 
 def test_words_of_a_misread_channel_say_its_gain_and_what_undoes_it() -> None:

@@ -1,0 +1,94 @@
+"""Before physics is asked: a channel that is stamped late, or by a clock that runs at another rate.
+
+Where recordings lie beside the nominal system tells which; the fit beside it tells whether that is all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.checks.beside_nominal import ALIKE, SHARE, match, shifted, unlike
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.least_squares import difference, fit, fit_on
+from cobot_joint.diagnosis.estimation.problem import Problem, Run, Vector
+from cobot_joint.diagnosis.estimation.stamps import Stamps
+from cobot_joint.diagnosis.selection.misreading import FINISHED, ROUGH, Misread, predicted_of
+
+TRIED = 3  # channels that are fitted
+RATES = np.linspace(-0.02, 0.02, 81)  # s per s; clocks that are further apart are told by the length of a run
+
+
+def look_for_mistiming(problem: Problem, calibrated: Fit) -> Misread | None:
+    """None: no channel is delayed beside the nominal system, or no delay takes nearly all that is left.
+
+    Channels whose scale somebody gave are believed.
+    """
+    if problem.is_table or not problem.unexplained(calibrated.residual):
+        return None
+    before = max(problem.excess(calibrated.residual), 1e-9)
+    fitted: list[Misread] = []
+    for stamps in _suspects(problem)[:TRIED]:
+        found = _fitted(problem, calibrated, stamps)
+        if found is not None and (taken := 1 - problem.excess(found.residual) / before) > thresholds.ENOUGH:
+            unmoved = Stamps(stamps.channel)
+            x = np.concatenate([calibrated.x, unmoved.start()])
+            hypothesis, own = calibrated.hypothesis.with_effects(unmoved), [len(x) - 2, len(x) - 1]
+            columns = difference(problem, hypothesis, x, calibrated.simulated, own)
+            if columns is not None:
+                predicted = predicted_of(calibrated, unmoved, columns)[0]
+                fitted.append(Misread(found, predicted, columns, taken))
+    if not fitted:
+        return None
+    best, *others = sorted(fitted, key=lambda m: m.fit.cost)
+    alike = [m.channel for m in others if m.fit.cost - best.fit.cost < thresholds.ALIKE]
+    return replace(best, alike=alike[0]) if alike else best
+
+
+def _suspects(problem: Problem) -> list[Stamps]:
+    """Inputs first where several outputs are early or late together, or the only one; then outputs, what explains most
+    first."""
+    moved: set[str] = set()
+    seen: dict[str, list[tuple[float, float, float]]] = {}  # output -> share explained, late, rate; run by run
+    nominal = problem.simulate([Run()])[0]
+    for r, simulated in zip(problem.recordings, nominal.outputs if nominal else (), strict=False):
+        for name, x in r.outputs.items():
+            m = match(x, simulated[name])
+            if m is None or m.correlation < ALIKE:
+                continue
+            moved.add(name)
+            share, late, rate = _aligned(x, simulated[name], r.step)
+            if share > SHARE and abs(late) + abs(rate) * (r.time[-1] - r.time[0]) > r.step:
+                seen.setdefault(name, []).append((share, late, rate))
+    middle = {name: np.median(np.array(found), axis=0) for name, found in seen.items()}
+    ranked = sorted(middle, key=lambda name: -middle[name][0])
+    found = [Stamps(n, float(middle[n][1]), float(middle[n][2])) for n in ranked]
+    if len(ranked) > 1 or (ranked and moved == set(ranked)):
+        late, rate = -np.median(np.array([middle[n][1:] for n in ranked]), axis=0)
+        inputs = dict.fromkeys(n for r in problem.recordings for n, x in r.inputs.items() if np.ptp(x) > 0)
+        found = [*(Stamps(n, float(late), float(rate)) for n in inputs), *found]
+    believed = {name for r in problem.recordings for name in r.believed}
+    return [stamps for stamps in found if stamps.channel not in believed]
+
+
+def _aligned(x: Vector, s: Vector, step: float) -> tuple[float, float, float]:
+    """Share of what s leaves of x that a delay takes, s late at the beginning, s per s more.
+
+    Rates are tried first: a delay that grows over more than a period of the motion is beyond what is linear.
+    """
+    t, none = np.arange(len(x)) * step, unlike(x, s)
+    rate = min(RATES, key=lambda rate: unlike(x, np.interp(t - rate * t, t, s)))
+    late, rate, left = shifted(x, s, step, (0.0, float(rate)), with_rate=True)
+    return (1 - left / none if none else 0.0), late, rate
+
+
+def _fitted(problem: Problem, calibrated: Fit, stamps: Stamps) -> Fit | None:
+    """The base model re-fitted beside the stamps, from nominal: the calibrated one is bent by them."""
+    hypothesis = replace(calibrated.hypothesis, effects=(stamps,))
+    begun = fit(problem, hypothesis, precision=ROUGH)
+    least = (1 - thresholds.HOLDS) * problem.excess(calibrated.residual)
+    if begun is None or problem.excess(begun.residual) > least:
+        return None
+    return fit_on(problem, begun, FINISHED)

@@ -1,0 +1,122 @@
+"""Samples that are no measurements are taken as not recorded and told; those of sound channels stay as they are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet
+import pytest
+
+from cobot_joint.diagnosis.data.campaign import load_campaign
+from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.data.suspicion import without_faults
+
+STEP, N = 1e-3, 8000
+T = STEP * np.arange(N)
+AGAIN = np.random.default_rng(3).random(N) < 0.3
+HOLD = np.maximum.accumulate(np.where(AGAIN, 0, np.arange(N)))
+
+
+def run(w: np.ndarray, name: str = "run", **more: object) -> Recording:
+    """A speed beside a current that moves."""
+    i = np.sin(3 * T) + np.random.default_rng(9).normal(0, 4e-3, N)
+    units = {"w": "rad/s", "i": "A"}
+    return Recording(name, "train", "default", T, {}, {"w": w, "i": i}, units, **more)  # type: ignore[arg-type]
+
+
+def speed(amplitude: float = 300.0, step: float = 0.38) -> np.ndarray:
+    """With noise, in steps of a converter."""
+    noisy = amplitude * np.sin(4 * T) + np.random.default_rng(1).normal(0, 0.3, N)
+    return step * np.round(noisy / step) if step else noisy
+
+
+@pytest.mark.parametrize("step", [0.0, 0.38, 2.0], ids=lambda step: f"step {step}")
+@pytest.mark.parametrize("amplitude", [300.0, 10.0, 0.1])
+def test_of_a_sound_channel_no_sample_is_left_out_however_slow_it_is_or_coarse(step: float, amplitude: float) -> None:
+    r = run(speed(amplitude, step))
+    assert without_faults([r]) == [r]
+
+
+def test_of_a_clipped_channel_what_is_at_the_limit_is_left_out_and_nothing_far_from_it() -> None:
+    sound = speed()
+    (r,) = without_faults([run(np.clip(sound, -180, 180))])
+    left = np.isnan(r.outputs["w"])
+    assert left[np.abs(sound) >= 180].all()
+    assert not left[np.abs(sound) < 160].any()
+    (out,) = r.left_out
+    assert (out.channel, out.kind, out.samples) == ("w", "clipped", int(left.sum()))
+    assert f"{left.sum()} of 8000 samples are taken as not recorded" in out.words
+    assert "top" in out.words
+    assert "bottom" in out.words
+
+
+def test_every_frozen_stretch_is_left_out_but_for_its_first_sample() -> None:
+    sound = speed(step=0.0)
+    w = sound.copy()
+    for start, stop in ((1000, 1600), (5000, 6000)):
+        w[start:stop] = w[start]
+    (r,) = without_faults([run(w)])
+    assert np.flatnonzero(np.isnan(r.outputs["w"])).tolist() == [*range(1001, 1600), *range(5001, 6000)]
+    assert r.left_out[0].words.startswith("frozen at")
+
+
+def test_a_channel_that_has_lost_its_noise_is_frozen_though_nothing_moves() -> None:
+    steady = np.where(T < 4, speed(step=0.0), 100.0 + np.random.default_rng(1).normal(0, 0.3, N))
+    w = np.where(T < 6, steady, 100.3)
+    still = run(w)
+    still.outputs["i"][T >= 4] = 1.0 + np.random.default_rng(9).normal(0, 4e-3, int((T >= 4).sum()))
+    (r,) = without_faults([still])
+    assert np.isnan(r.outputs["w"]).sum() == pytest.approx(2000, abs=1)
+    assert "without its noise" in r.left_out[0].words
+    off = run(np.where(T < 6, steady, 0.0))  # a drive that is switched off
+    off.outputs["i"][T >= 6] = 0.0
+    assert without_faults([off]) == [off]
+
+
+def test_of_a_held_channel_repeats_are_left_out_in_every_run() -> None:
+    runs = [run(speed()[HOLD], "fast"), run(speed(10.0)[HOLD], "slow")]
+    fast, slow = without_faults(runs)
+    for r in (fast, slow):
+        left = np.isnan(r.outputs["w"])
+        assert left[1:][AGAIN[1:]].all()
+        assert left.mean() < 0.55  # some are alike by chance
+        assert r.left_out[0].kind == "held"
+    assert np.isfinite(fast.outputs["i"]).all()
+
+
+def test_a_slow_channel_keeps_each_value_once() -> None:
+    w = np.where(T < 2, speed(0.0, 0.0), speed(step=0.0))[np.arange(N) // 10 * 10]  # at rest first
+    (r,) = without_faults([run(w)])
+    assert np.isfinite(r.outputs["w"]).sum() == N // 10
+
+
+def test_a_channel_of_one_value_while_another_moves_is_not_compared() -> None:
+    (r,) = without_faults([run(np.zeros(N))])
+    assert set(r.outputs) == {"i"}
+    assert "it is not compared" in r.left_out[0].words
+    still = run(np.zeros(N))
+    still.outputs["i"][:] = 1.0
+    assert without_faults([still]) == [still]
+
+
+def test_a_channel_that_somebody_looked_at_is_meant() -> None:
+    r = run(np.clip(speed(), -180, 180), believed={"w"})
+    assert without_faults([r]) == [r]
+
+
+def test_a_campaign_is_loaded_without_them(root: Path, tmp_path: Path) -> None:
+    source = root / "proof/open/case01"
+    (tmp_path / "campaign.toml").write_text((source / "campaign.toml").read_text())
+    for file in source.glob("*.parquet"):
+        table = pa.parquet.read_table(file)
+        k = next(k for k, name in enumerate(table.column_names) if name.startswith("w_motor"))
+        w = table.column(k).to_numpy()
+        limited = np.clip(w, -0.6 * np.abs(w).max(), 0.6 * np.abs(w).max())
+        pa.parquet.write_table(table.set_column(k, table.column_names[k], pa.array(limited)), tmp_path / file.name)
+    campaign = load_campaign(tmp_path)
+    assert {(r.role, out.channel, out.kind) for r in campaign.recordings for out in r.left_out} == {
+        ("train", "w_motor", "clipped"),
+        ("holdout", "w_motor", "clipped"),
+    }

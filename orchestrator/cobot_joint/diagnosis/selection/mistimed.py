@@ -12,12 +12,13 @@ import numpy as np
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.checks.beside_nominal import ALIKE, SHARE, match, shifted, unlike
 from cobot_joint.diagnosis.estimation.fit import Fit
-from cobot_joint.diagnosis.estimation.least_squares import difference, fit, fit_on
+from cobot_joint.diagnosis.estimation.least_squares import difference, fit, fit_on, predicted_decrease
 from cobot_joint.diagnosis.estimation.problem import Problem, Run, Vector
 from cobot_joint.diagnosis.estimation.stamps import Stamps
 from cobot_joint.diagnosis.selection.misreading import FINISHED, ROUGH, Misread, predicted_of
 
 TRIED = 3  # channels that are fitted
+PROMISING = replace(ROUGH, jacobians=0)  # of a fit that has to show promise
 RATES = np.linspace(-0.02, 0.02, 81)  # s per s; clocks that are further apart are told by the length of a run
 
 
@@ -85,10 +86,19 @@ def _aligned(x: Vector, s: Vector, step: float) -> tuple[float, float, float]:
 
 
 def _fitted(problem: Problem, calibrated: Fit, stamps: Stamps) -> Fit | None:
-    """The base model re-fitted beside the stamps, from nominal: the calibrated one is bent by them."""
+    """The base model re-fitted beside the stamps, from nominal: the calibrated one is bent by them.
+
+    Its Jacobian serves all the same until the stamps have shown promise.
+    """
     hypothesis = replace(calibrated.hypothesis, effects=(stamps,))
-    begun = fit(problem, hypothesis, precision=ROUGH)
-    least = (1 - thresholds.HOLDS) * problem.excess(calibrated.residual)
-    if begun is None or problem.excess(begun.residual) > least:
+    x, count = hypothesis.start(), len(calibrated.x)
+    there = problem.simulate([hypothesis.run(x)])[0]
+    own = difference(problem, hypothesis, x, there, range(count, len(x))) if there is not None else None
+    if own is None:
         return None
-    return fit_on(problem, begun, FINISHED)
+    begun = fit(problem, hypothesis, x, np.column_stack([calibrated.jacobian, own]), PROMISING)
+    if begun is None:
+        return None
+    above, left = (found.chi2 - problem.samples for found in (calibrated, begun))
+    promised = left - predicted_decrease(begun)
+    return fit_on(problem, begun, FINISHED) if promised < thresholds.REMAINDER * above else None

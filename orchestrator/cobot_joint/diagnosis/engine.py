@@ -33,6 +33,7 @@ from cobot_joint.diagnosis.selection.confidence import COUNTED_TERMS, beside_bac
 from cobot_joint.diagnosis.selection.external_loads import look_for_external_loads, look_for_unlogged_load
 from cobot_joint.diagnosis.selection.misreading import Misread, look_for_misreading
 from cobot_joint.diagnosis.selection.mistimed import look_for_mistiming
+from cobot_joint.diagnosis.selection.outside import Outside, look_outside
 from cobot_joint.diagnosis.selection.stepwise import SETTLED, Selected, Selection, Selector, prune, worth_naming
 from cobot_joint.diagnosis.selection.unmodelled import Unmodelled, look_for_unmodelled
 from cobot_joint.diagnosis.store import Store
@@ -53,6 +54,7 @@ class Explanation:
     unmodelled: Unmodelled | None = None
     anchored: Search | None = None  # what the recorded motion says, where no model fits to the noise
     misread: Misread | None = None  # a channel whose log explains more than any of these
+    outside: Outside | None = None  # a base parameter beyond its tolerance that leaves no more than listed terms
 
 
 def diagnose(
@@ -91,8 +93,6 @@ def _diagnosed(campaign: Campaign, plant: Plant, say: Progress, store: Store, bu
     say("locating the difference")
     located = store.remember("located", calibrated.x, lambda: locate_difference(problem, calibrated).to_json())
     found, explanation = explain(campaign, problem, calibrated, say, store, budget)
-    if budget.left_out:  # what was not looked at may explain it better: no name is a claim yet
-        found.findings = [replace(f, confidence=min(f.confidence, thresholds.WITHHELD)) for f in found.findings]
     found.located = located
     if explanation.calibrated is not calibrated:  # a better one came up on the way
         again = explanation.calibrated
@@ -102,8 +102,9 @@ def _diagnosed(campaign: Campaign, plant: Plant, say: Progress, store: Store, bu
         basis = [f.term for f in found.findings], explanation.fit.x
         found.advice = store.remember("experiment", basis, lambda: advise(problem, found.findings, explanation.fit))
     found.left_out = budget.left_out
-    if found.left_out and found.verdict == "nothing_missing":
-        found.verdict = "undecided"
+    if found.left_out:  # what was not looked at may explain it better: no name is a claim yet
+        found.findings = [replace(f, confidence=min(f.confidence, thresholds.WITHHELD)) for f in found.findings]
+        found.verdict = "undecided" if found.verdict == "nothing_missing" else found.verdict
     found.seconds = time.monotonic() - begun
     return found
 
@@ -193,7 +194,13 @@ def _select(
     found = _selected(campaign, problem, calibrated, scan, say, store, budget)
     if misread and misread.beats(problem, found.fit):
         return Explanation(found.calibrated, found.calibrated, found.selection.up_to(0), [], misread=misread)
-    return found
+    if found.unmodelled or found.anchored or not budget.allows("parameters outside their tolerances"):
+        return found
+    select = Selector(problem, scan, say).select
+    outside = look_outside(problem, found.calibrated, found.fit, found.selected, select, say)
+    if outside is None:
+        return found
+    return Explanation(found.calibrated, outside.fit, outside.selection, outside.selection.selected, outside=outside)
 
 
 def _selected(
@@ -320,6 +327,8 @@ def _answer(problem: Problem, explanation: Explanation) -> Diagnosis:
     findings = [_finding(problem, explanation, selected, repaired, left) for selected in explanation.selected]
     if explanation.unmodelled:
         findings.append(explanation.unmodelled.finding)
+    if explanation.outside:
+        findings.append(explanation.outside.finding(problem, explanation.calibrated, units))
     findings = sorted((replace(f, ground=_ground(problem, f, left)) for f in findings), key=lambda f: -f.gain)
     return Diagnosis(
         verdict="undecided" if misread else _verdict(findings, left > thresholds.UNDECIDED * problem.excess_scatter),

@@ -13,10 +13,11 @@ from scipy.signal import lfilter
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.campaign_file import Tolerance
 from cobot_joint.diagnosis.data.recording import Recording
-from cobot_joint.diagnosis.plant.plant import Parameter, Port, ScannedShape, Signals, TermCandidate
+from cobot_joint.diagnosis.plant.plant import Parameter, Port, ScannedShape, Signals, SimulationError, TermCandidate
 
 STEP, SAMPLES = 2e-3, 3000
 NOISE = 0.05  # rad/s
+FASTEST = 1e6  # rad/s
 NOMINAL = {"axis.J": 1e-3, "axis.k": 0.1, "axis.d": 2e-3, "axis.tau_C": 0.02}
 
 
@@ -93,6 +94,8 @@ class Axis:
             tau += A * sin(n * phi + phi_0) if j >= from_A else 0.0
             w += STEP * (v["axis.k"] * u[j] - tau + tau_add[j] + push[j]) / v["axis.J"]
             phi += STEP * out[j, 1]
+            if abs(w) > FASTEST:
+                raise SimulationError("the axis runs away")
         return {"w": out[:, 1] + v.get("sensor.offset.y_0", 0.0), "axis.phi": out[:, 0], "axis.w": out[:, 1]}
 
 

@@ -102,6 +102,45 @@ class BaseParameter:
 
 
 @dataclass(frozen=True)
+class FreeParameter:
+    """A parameter of the base model as far as its unit lets it, tolerance or not."""
+
+    base: BaseParameter
+    value: float
+
+    @property
+    def name(self) -> str:
+        """`component.parameter`"""
+        return self.base.name
+
+    @property
+    def component(self) -> str:
+        """The unit that has it."""
+        return self.base.component
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """One: -1 and 1 are the ends of the tolerance still."""
+        (c,), p = self.base.coordinates, self.base.parameter
+        lower, upper = ((end - c.start) / c.scale for end in (p.lower, p.upper))
+        return (replace(c, lower=lower, upper=upper, kind="linear"),)
+
+    def start(self) -> Vector:
+        """Its own value."""
+        (c,) = self.coordinates
+        return np.array([(self.value - c.start) / c.scale])
+
+    def apply(self, run: Run, x: Vector) -> Run:
+        """With its value in the run."""
+        return run.with_values({self.name: self.at(x).value})
+
+    def at(self, x: Vector) -> FreeParameter:
+        """At the value that was found."""
+        (c,), p = self.coordinates, self.base.parameter
+        return replace(self, value=_inside(c.start + c.scale * float(x[0]), p.lower, p.upper))
+
+
+@dataclass(frozen=True)
 class ActiveTerm:
     """A listed term that is switched on: amplitude, phase and shapes, and from which time within a run it acts."""
 

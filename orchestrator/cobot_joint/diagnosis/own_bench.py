@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,7 +17,6 @@ from cobot_joint.screen import Screen
 
 if TYPE_CHECKING:
     from cobot_joint.diagnosis.checks.inspection import Inspection
-    from cobot_joint.diagnosis.data.recording import Connector
     from cobot_joint.system.model import System
 
 console = Screen()
@@ -88,7 +88,7 @@ def _first_campaign(
     """campaign.toml in the folder. UserError: one is there already, or no column fits."""
     from cobot_joint.diagnosis.data.campaign import connectors_of, systems_of
     from cobot_joint.diagnosis.data.campaign_file import CampaignFile, RecordingEntry
-    from cobot_joint.diagnosis.drafts.campaign_text import campaign_text, guess
+    from cobot_joint.diagnosis.drafts.campaign_text import Lacking, campaign_text, guess
     from cobot_joint.system.read import load_system
 
     path = folder / "campaign.toml"
@@ -107,8 +107,10 @@ def _first_campaign(
             f"the file has {among(found[0].log.names)}"
         )
     matched = {g.connector for g in guesses}
-    wanted: list[Connector] = [
-        c for n, c in connectors.items() if n not in matched and (not defaults.logged or n in defaults.logged)
+    wanted = [
+        Lacking(c, n in defaults.logged)
+        for n, c in connectors.items()
+        if n not in matched and (not defaults.logged or n in defaults.logged)
     ]
     files = [Path(os.path.relpath(log, folder)).as_posix() for log in logs]
     tolerances = {} if defaults.tolerances else usual_tolerances(file)
@@ -121,13 +123,16 @@ def usual_tolerances(system: Path) -> dict[str, str]:
     from cobot_joint.diagnosis.drafts.chain import PARTS
     from cobot_joint.system.read import load_system
 
-    usual: dict[str, dict[str, str]] = {}
-    for part in PARTS.values():
-        usual.setdefault(part.unit, {}).update(part.fits)
+    usual: dict[str, Mapping[str, str]] = {}
+    for part in PARTS.values():  # one unit may be several parts: the first, but for a component with a part's name
+        if part.fits:
+            usual.setdefault(part.unit, part.fits)
+    components = load_system(system).components
+    own = {c.name: PARTS[c.name].fits for c in components if c.name in PARTS and PARTS[c.name].unit == c.unit.name}
     return {
         f"{c.name}.{name}": tolerance
-        for c in load_system(system).components
-        for name, tolerance in usual.get(c.unit.name, {}).items()
+        for c in components
+        for name, tolerance in own.get(c.name, usual.get(c.unit.name, {})).items()
         if float(c.parameters.get(name, c.unit.variables[name].start) or 0.0) != 0.0
     }
 

@@ -117,3 +117,50 @@ def test_a_wrong_call_is_one_line_and_status_2(
     done = cobot_joint(*words)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert told in done.stderr
+
+
+def log(folder: Path, name: str, columns: dict[str, np.ndarray]) -> None:
+    np.savetxt(
+        folder / name, np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns), comments=""
+    )
+
+
+def test_what_inspect_drafts_for_a_system_of_ones_own_is_read_as_it_stands(
+    tmp_path: Path, cobot_joint: Callable[..., Done]
+) -> None:
+    assert cobot_joint("new", "--chain", "motor,screw", "--out", "axis").returncode == 0
+    rng = np.random.default_rng(4)
+    u, i = np.sin(3 * T), rng.normal(0, 0.01, len(T)) + np.cos(3 * T)
+    log(tmp_path, "run.csv", {"t [s]": T, "v_command [V]": u, "i_motor [A]": i, "s [mm]": 10 * np.sin(3 * T)})
+    done = cobot_joint("inspect", "run.csv", "--system", "axis/system.ssd", "--out", "first")
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "first/campaign.toml").read_text()
+    assert '"w_motor"' in text  # no column was found for it
+    assert set(load_campaign(tmp_path / "first").train[0].outputs) == {"i_motor", "s"}
+
+
+def test_tolerances_that_are_drafted_are_those_of_the_part(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:
+    for chain, name, tolerance in (
+        ("motor,load", "load.friction.d", "30 %"),
+        ("motor,pendulum", "pendulum.body.m", "5 %"),
+        ("motor,screw", "screw.body.m", "10 %"),
+    ):
+        assert cobot_joint("new", "--chain", chain, "--out", chain).returncode == 0
+        log(tmp_path, "run.csv", {"t [s]": T, "v_command [V]": np.sin(3 * T), "i_motor [A]": np.cos(3 * T)})
+        assert cobot_joint("inspect", "run.csv", "--system", f"{chain}/system.ssd", "--out", "f").returncode == 0
+        text = (tmp_path / "f/campaign.toml").read_text()
+        (tmp_path / "f/campaign.toml").unlink()
+        given = dict(line.split(" = ") for line in text.splitlines() if line.startswith('"') and "%" in line)
+        assert given.get(f'"{name}"', f'"{tolerance}"') == f'"{tolerance}"'
+        assert not any("90 %" in value for value in given.values())
+
+
+def test_a_campaign_that_nothing_drives_is_refused(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:
+    assert cobot_joint("new", "--chain", "load", "--out", "axis").returncode == 0
+    log(tmp_path, "axis/run.csv", {"t [s]": T, "w_load [rad/s]": np.sin(3 * T), "tau [N.m]": np.cos(3 * T)})
+    text = (
+        'title = "axis"\nsystem = "system.ssd"\nrecording = [{ file = "run.csv" }]\n[channels]\n"w_load" = "w_load"\n'
+    )
+    (tmp_path / "axis/campaign.toml").write_text(text)
+    done = cobot_joint("diagnose", "axis/campaign.toml", "--out", "found")
+    assert (done.returncode, "no column drives the system" in done.stderr) == (2, True), done.stderr

@@ -20,7 +20,7 @@ def diagnosis(found: Search, units: Mapping[str, str]) -> Diagnosis:
         for name, value in candidate.values.items():
             off = NORMAL * sigma if name == candidate.term.amplitude else 0.0
             repaired[name] = Estimate(value, units.get(name, "1"), (value - off, value + off))
-    findings = [_finding(named, repaired) for named in found.named]
+    findings = [_finding(named, repaired) for named in found.named if _acts(named, repaired)]
     return Diagnosis(
         verdict="explained" if findings else "nothing_missing",
         findings=sorted(findings, key=lambda f: -f.gain),
@@ -29,6 +29,12 @@ def diagnosis(found: Search, units: Mapping[str, str]) -> Diagnosis:
         background=found.background,
         ranking=[[Candidate(name, 2 * evidence, {}, None) for name, evidence in rank] for rank in found.ranking],
     )
+
+
+def _acts(named: Named, repaired: Mapping[str, Estimate]) -> bool:
+    """Whether following the recordings with it left it an amplitude."""
+    term = named.candidate.term
+    return term.amplitude not in repaired or repaired[term.amplitude].value != term.neutral
 
 
 def _finding(named: Named, repaired: Mapping[str, Estimate]) -> Finding:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from cobot_joint.diagnosis.checks.beside_nominal import beside_nominal
 from cobot_joint.diagnosis.checks.suspicions import suspicions
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.suspicion import Suspicion
 from cobot_joint.diagnosis.plant.simulator import Simulator
-from cobot_joint.errors import UserError
+from cobot_joint.errors import UserError, among
 
 RATIO = ".ratio.N"  # how a gear's ratio is named in every unit that has one
 
@@ -15,8 +17,8 @@ RATIO = ".ratio.N"  # how a gear's ratio is named in every unit that has one
 def plausible(campaign: Campaign) -> list[Suspicion]:
     """What the training recordings say against their channels; kept in `campaign.suspicions`.
 
-    UserError: a channel is read wrongly for all that can be seen (factor, sign, swapped). Whoever knows better gives
-    the column a scale or a sign in [channels].
+    UserError: a channel is read wrongly for all that can be seen (factor, sign, swapped); whoever knows better gives
+    the column a scale or a sign in [channels]. Or nothing drives the system.
     """
     systems = campaign.systems()
     ratios = {
@@ -28,9 +30,23 @@ def plausible(campaign: Campaign) -> list[Suspicion]:
     runs = [r for r in campaign.train if not r.scatter]  # a table has no time to look at
     found = suspicions(runs)
     with Simulator(systems) as simulate:
+        _driven(campaign, simulate)
         found += beside_nominal(runs, simulate, ratios)
     campaign.suspicions = found
     for suspicion in found:
         if suspicion.wrong:
             raise UserError(f"{campaign.path}: {suspicion}")
     return found
+
+
+def _driven(campaign: Campaign, simulate: Simulator) -> None:
+    """UserError: no recording has an input, and nothing moves by itself."""
+    if any(r.inputs for r in campaign.train):
+        return
+    if any(np.ptp(y) > 0 for r in campaign.train for n, y in simulate(r).items() if n in r.outputs):
+        return
+    offered = sorted({name for system in campaign.systems().values() for name in system.inputs})
+    raise UserError(
+        f"{campaign.path}: no column drives the system, and by itself it rests; one of its inputs is needed in "
+        f"[channels]: {among(offered) if offered else 'it has none, `component.variable` names one of a component'}"
+    )

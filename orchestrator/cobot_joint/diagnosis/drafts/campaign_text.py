@@ -33,6 +33,14 @@ class Guess:
     why: str  # nothing: no guess, it has the connector's name and a unit
 
 
+@dataclass(frozen=True)
+class Lacking:
+    """A connector that nothing was found for. expected: a diagnosis asks for it unless a recording says otherwise."""
+
+    connector: Connector
+    expected: bool
+
+
 def guess(channels: Sequence[Channel], connectors: Mapping[str, Connector], logged: Iterable[str] = ()) -> list[Guess]:
     """The likeliest pairs by unit and name, each column and connector once; logged: connectors that usually are."""
     usual = set(logged)
@@ -75,29 +83,30 @@ def campaign_text(
     system: str,
     files: Sequence[str],
     guesses: Sequence[Guess],
-    lacking: Sequence[Connector],
+    lacking: Sequence[Lacking],
     tolerances: Mapping[str, str] | None = None,
     given: Mapping[str, str] | None = None,
 ) -> str:
-    """campaign.toml with its guesses marked. lacking: what nothing was found for. given: further keys of recordings."""
+    """campaign.toml with its guesses marked. given: further keys of recordings."""
     lines = [f"title = {_quoted(title)}", f"system = {_quoted(system)}", ""]
     lines += ["[channels]   # column -> connector of the system; look at every line that says guess"]
     for g in guesses:
         header = g.column.name + (f" [{g.column.unit}]" if g.column.unit else "")
         lines.append(f"{_quoted(header)} = {_quoted(g.connector)}" + (f"   # guess: {g.why}" if g.why else ""))
-    for c in lacking:
+    for c in (each.connector for each in lacking):
         lines.append(f'# "COLUMN" = {_quoted(c.name)}   # {c.causality} [{c.unit or "1"}]: no column was found')
     if tolerances:
         lines += ["", "[tolerances]   # how far a healthy parameter may be off; guess: the data sheet knows better"]
         lines += [f"{_quoted(name)} = {_quoted(tolerance)}" for name, tolerance in tolerances.items()]
+    expected = ", ".join(_quoted(each.connector.name) for each in lacking if each.expected)
     for k, file in enumerate(files):
         role = "holdout" if k == len(files) - 1 > 0 else "train"
         lines += ["", "[[recording]]", f"file = {_quoted(file)}"]
         lines += [f"{key} = {_quoted(value)}" for key, value in (given or {}).items()]
         if role == "holdout":
             lines.append('role = "holdout"   # guess: the last is held out, scored and never fitted')
-        if lacking:
-            lines += [f"without = [{', '.join(_quoted(c.name) for c in lacking)}]   # guess: they were not recorded"]
+        if expected:
+            lines.append(f"without = [{expected}]   # guess: they were not recorded")
     return "\n".join(lines) + "\n"
 
 

@@ -30,7 +30,7 @@ def above_noise(channels: Channels, role: str) -> dict[str, float] | None:
 
 
 def judged(channels: Channels) -> Literal["offered", "withheld"]:
-    """Whether the repair predicts no worse than nominal and calibrated, and fits no worse than calibrated."""
+    """Whether the repair predicts no worse than nominal and calibrated, and fits better than calibrated."""
     return "withheld" if fails(channels) else "offered"
 
 
@@ -40,7 +40,14 @@ def fails(channels: Channels) -> Literal["holdout", "train"] | None:
     roles = {"holdout": ("nominal", "calibrated"), "train": ("calibrated",)}
     for role, others in roles.items():
         error = above_noise(channels, role)
-        if error and error["repaired"] > thresholds.NO_WORSE * min(error[v] for v in others) + thresholds.NEGLIGIBLE:
+        if not error:
+            continue
+        before = min(error[v] for v in others)
+        if error["repaired"] > thresholds.NO_WORSE * before + thresholds.NEGLIGIBLE:
+            return role
+        if (
+            role == "train" and error["repaired"] >= before > thresholds.NEGLIGIBLE
+        ):  # it was fitted to them, to no avail
             return role
     return None
 

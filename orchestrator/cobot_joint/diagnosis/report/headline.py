@@ -156,6 +156,10 @@ def next_step(d: Json) -> str:
     if not d["findings"]:
         return "See below where the difference lies: by component, condition and time."
     tested = any("holdout" in c for c in d["channels"].values())
+    if max(f.get("confidence") or 0.0 for f in d["findings"]) < thresholds.EVEN:
+        return (
+            "Do not rely on the name: see below where the difference lies. repaired.ssp has the nearest one modelled."
+        )
     use = "repaired.ssp has it modelled, and opens in other simulators."
     return use if tested else f'{use} Record one more run and give it role = "holdout": the repair is untested.'
 

@@ -26,6 +26,7 @@ def channels(nominal: float, calibrated: float, repaired: float, train: float = 
         (channels(5.0, 2.0, 2.2), "withheld"),  # worse than calibrated
         (channels(1.5, 4.0, 2.0), "withheld"),  # better than calibrated, worse than as specified
         (channels(5.0, 2.0, 1.0, train=3.0), "withheld"),  # does not even fit
+        (channels(2.0, 2.0, 2.0, train=2.0), "withheld"),  # changes nothing
         ({"w": {"noise": 1.0, "train": {"nominal": 5.0, "calibrated": 2.0, "repaired": 1.0}}}, "offered"),
     ],
 )

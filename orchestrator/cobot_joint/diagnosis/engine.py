@@ -321,24 +321,24 @@ def units_of(problem: Problem) -> dict[str, str]:
 
 
 def _answer(problem: Problem, explanation: Explanation) -> Diagnosis:
-    units, misread = units_of(problem), explanation.misread
-    repaired = explanation.fit.estimates(units)
+    units, misread, before = units_of(problem), explanation.misread, explanation.calibrated
+    repaired = explanation.fit.estimates(units, problem.stretches(explanation.fit.residual))
     left = max(problem.excess(explanation.fit.residual), 0.0)
     findings = [_finding(problem, explanation, selected, repaired, left) for selected in explanation.selected]
     if explanation.unmodelled:
         findings.append(explanation.unmodelled.finding)
     if explanation.outside:
-        findings.append(explanation.outside.finding(problem, explanation.calibrated, units))
+        findings.append(explanation.outside.finding(problem, before, repaired))
     findings = sorted((replace(f, ground=_ground(problem, f, left)) for f in findings), key=lambda f: -f.gain)
     return Diagnosis(
         verdict="undecided" if misread else _verdict(findings, left > thresholds.UNDECIDED * problem.excess_scatter),
         findings=findings,
-        calibrated=explanation.calibrated.estimates(units),
+        calibrated=before.estimates(units, problem.stretches(before.residual)),
         repaired=repaired,
         misreading=misread.told(problem) if misread else None,
         ranking=explanation.selection.ranking,
         structure={
-            "calibrated": problem.excess(explanation.calibrated.residual),
+            "calibrated": problem.excess(before.residual),
             "repaired": left,
             "scatter": problem.excess_scatter,
         },

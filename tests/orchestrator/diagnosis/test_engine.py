@@ -240,7 +240,7 @@ def test_where_terms_leave_more_than_noise_and_the_motion_gives_none_a_name_a_ba
 ) -> None:
     stated = [{"port": "axis.tau_add", "variable": "time", "rms": 2e-3, "unit": "N.m"}]
     monkeypatch.setattr(engine, "can_follow", lambda campaign, plant: True)
-    monkeypatch.setattr(engine, "follow", lambda campaign, plant, say: Search(background=stated))
+    monkeypatch.setattr(engine, "follow", lambda campaign, plant, say, in_runs: Search(background=stated))
     found = diagnose_plant(drifting(), Axis())
     assert found.verdict == "nothing_missing"
     assert found.findings == []
@@ -367,6 +367,7 @@ def test_without_time_the_first_answer_says_what_was_left_out() -> None:
     assert found.left_out == [
         "further listed terms",
         "external loads, formulas, the recorded motion",
+        "parameters outside their tolerances",
         "the experiment that would tell more",
     ]
     assert found.to_json()["left_out"] == found.left_out

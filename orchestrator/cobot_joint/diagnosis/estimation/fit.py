@@ -6,12 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cobot_joint.diagnosis.estimation.effects import Coordinate
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
 from cobot_joint.diagnosis.estimation.problem import Run, Simulated, Vector
 from cobot_joint.diagnosis.findings import Estimate
 
+Stretches = NDArray[np.intp]
 NORMAL = 1.96  # sigma of a 95 % interval
 AT_BOUND = 1e-6  # of a natural step, within which a coordinate is at its bound
 
@@ -39,9 +41,13 @@ class Fit:
         """The simulation at the best point."""
         return self.hypothesis.run(self.x)
 
-    def covariance(self) -> Vector:
-        """Of x, everything else free (the marginal one), for unit noise: (len(x), len(x))"""
-        return marginal_covariance(self.jacobian, self.hypothesis.prior)
+    def covariance(self, stretches: Stretches | None = None) -> Vector:
+        """Of x, everything else free (the marginal one), for unit noise: (len(x), len(x))
+
+        stretches: number of each row's, (rows,), where more than noise is left: wider, as their residuals say.
+        """
+        white = marginal_covariance(self.jacobian, self.hypothesis.prior)
+        return white if stretches is None else widened(white, self.jacobian, self.residual, stretches)
 
     def settled(self) -> Fit:
         """The same fit, its effects' coordinates counted from what was found."""
@@ -53,14 +59,17 @@ class Fit:
         x[:base] = self.x[:base]
         return replace(self, hypothesis=hypothesis, x=x, jacobian=self.jacobian * np.array(grown))
 
-    def interval(self, k: int) -> tuple[float, float]:
-        """95 % of coordinate k in its own unit, everything else free."""
+    def interval(self, k: int, stretches: Stretches | None = None) -> tuple[float, float]:
+        """95 % of coordinate k in its own unit, everything else free. stretches: see covariance."""
         c = self.hypothesis.coordinates[k]
-        return _interval(c, c.start + c.scale * float(self.x[k]), _sigma(self.covariance(), k))
+        return _interval(c, c.start + c.scale * float(self.x[k]), _sigma(self.covariance(stretches), k))
 
-    def estimates(self, units: Mapping[str, str]) -> dict[str, Estimate]:
-        """Every parameter that the fit moved or set, with its 95 % interval. units: parameter -> unit of measure."""
-        covariance, values = self.covariance(), self.run.values
+    def estimates(self, units: Mapping[str, str], stretches: Stretches | None = None) -> dict[str, Estimate]:
+        """Every parameter that the fit moved or set, with its 95 % interval.
+
+        units: parameter -> unit of measure. stretches: see covariance.
+        """
+        covariance, values = self.covariance(stretches), self.run.values
         found: dict[str, Estimate] = {}
         for k, c in enumerate(self.hypothesis.coordinates):
             name = c.names[0]
@@ -86,6 +95,20 @@ def marginal_covariance(jacobian: Vector, prior: Vector) -> Vector:
     gram = jacobian.T @ jacobian + np.diag(prior)
     scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     return np.asarray(np.linalg.pinv(gram / np.outer(scale, scale), hermitian=True) / np.outer(scale, scale))
+
+
+def widened(white: Vector, jacobian: Vector, residual: Vector, stretches: Stretches) -> Vector:
+    """A covariance for unit noise where residuals are correlated within stretches of the rows: (k, k)
+
+    The pull of every stretch counts once, however many rows it has (Liang and Zeger 1986, Biometrika 73(1)). Never
+    narrower than for noise alone. white: (k, k), jacobian: (rows, k), residual: (rows,), stretches: (rows,), from 0.
+    """
+    pulls = np.stack([np.bincount(stretches, column * residual) for column in jacobian.T], axis=1)
+    pulls = pulls - pulls.mean(axis=0)  # what pulls against a bound pulls everywhere
+    count = len(pulls)
+    spread = np.diag(white @ (pulls.T @ pulls * (count / max(count - 1, 1))) @ white)
+    wider = np.sqrt(np.maximum(spread / np.maximum(np.diag(white), 1e-300), 1.0))
+    return np.asarray(white * np.outer(wider, wider))
 
 
 def _sigma(covariance: Vector, k: int) -> float:

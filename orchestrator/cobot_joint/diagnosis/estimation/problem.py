@@ -19,6 +19,7 @@ from cobot_joint.diagnosis.plant.plant import Plant, Signals, SimulationError
 
 Vector = NDArray[np.float64]
 BLOCK = 16  # samples
+STRETCHES = 16  # of a recording: of a second for one of 16 s, longer than what is left mostly remembers
 ROUGH, SMOOTH = 0.15, 0.02  # impacts in a gap make single runs rough; amplitudes at a frequency are smooth
 
 
@@ -302,6 +303,19 @@ class Problem:
         if above > max(thresholds.LEFT_SHARE * self.samples, by_chance):
             return True
         return left > thresholds.LEFT_SIGMA * self.excess_scatter
+
+    def stretches(self, residual: Vector) -> NDArray[np.intp] | None:
+        """Of every row the number of its stretch, a `STRETCHES`th of a recording, all channels together: (rows,)
+
+        Within one what is left may be correlated. None: no more is left than noise.
+        """
+        if not self.unexplained(residual):
+            return None
+        found = np.empty(self.rows, dtype=np.intp)
+        for block in self.blocks:
+            rows = block.rows.stop - block.rows.start
+            found[block.rows] = STRETCHES * block.recording + np.arange(rows) * STRETCHES // rows
+        return found
 
     def times(self) -> Vector:
         """Time of every row since its run began, s: (rows,)"""

@@ -6,7 +6,7 @@ against its tolerance, that bound alone is let go: where this leaves no more tha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from cobot_joint.diagnosis.estimation.effects import FreeParameter
 from cobot_joint.diagnosis.estimation.fit import AT_BOUND, Fit
 from cobot_joint.diagnosis.estimation.least_squares import fit, predicted_decrease
 from cobot_joint.diagnosis.estimation.problem import Problem
-from cobot_joint.diagnosis.findings import Finding
+from cobot_joint.diagnosis.findings import Estimate, Finding
 from cobot_joint.diagnosis.localization.evidence import where_it_gains
 from cobot_joint.diagnosis.selection.competition import finished
 from cobot_joint.diagnosis.selection.confidence import beside_background, confidence
@@ -49,8 +49,8 @@ class Outside:
         """`component.parameter`"""
         return next(e.name for e in self.fit.hypothesis.effects if isinstance(e, FreeParameter))
 
-    def finding(self, problem: Problem, calibrated: Fit, units: dict[str, str]) -> Finding:
-        """As a diagnosis says it. units: parameter -> unit of measure."""
+    def finding(self, problem: Problem, calibrated: Fit, repaired: Mapping[str, Estimate]) -> Finding:
+        """As a diagnosis says it. repaired: parameters as they were fitted."""
         left, excess = max(self.fit.chi2 - problem.samples, 0.0), max(problem.excess(self.fit.residual), 0.0)
         much = excess > thresholds.CLEARLY_LEFT * problem.excess_scatter
         sure = beside_background(self.gain / (self.gain + left)) if much else confidence(self.gain, excess)
@@ -59,7 +59,7 @@ class Outside:
             equivalent=self.alike[: thresholds.MOST_NAMES - 1],
             confidence=sure,
             onset=None,
-            parameters={self.name: self.fit.estimates(units)[self.name]},
+            parameters={self.name: repaired[self.name]},
             where=where_it_gains(problem, calibrated.residual**2 - self.fit.residual**2),
             gain=self.gain,
         )

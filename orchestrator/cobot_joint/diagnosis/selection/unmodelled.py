@@ -194,7 +194,7 @@ def _answer(
     taken = 1 - problem.excess(found.residual) / max(problem.excess(start.residual), 1e-9)
     if taken < thresholds.HOLDS or gained < problem.evidence:
         return None
-    form = _table_form(found, choice.port, table, taken) if table else _formula(found, choice, taken)
+    form = _table_form(found, choice.port, table, taken) if table else _formula(problem, found, choice, taken)
     alike = indistinguishable_ports(problem, start, choice, thresholds.COLLINEAR)
     finding = Finding(
         term=f"{choice.port.component}.unlisted",
@@ -209,12 +209,12 @@ def _answer(
     return Unmodelled(found, selected, finding, taken)
 
 
-def _formula(found: Fit, choice: Choice[Product], taken: float) -> Form:
+def _formula(problem: Problem, found: Fit, choice: Choice[Product], taken: float) -> Form:
     """The coefficients as they were re-fitted, their intervals with everything else free."""
-    port, first = choice.port, len(found.x) - len(choice.columns)
+    port, first, stretches = choice.port, len(found.x) - len(choice.columns), problem.stretches(found.residual)
     coordinates = found.hypothesis.coordinates
     features = tuple(
-        Feature(c.form, Estimate(float(found.x[k] * coordinates[k].scale), port.unit, found.interval(k)))
+        Feature(c.form, Estimate(float(found.x[k] * coordinates[k].scale), port.unit, found.interval(k, stretches)))
         for k, c in enumerate(choice.columns, first)
     )
     used = [s for s in port.signals if any(s.split(".", 1)[1] in f.form.signals for f in features)]

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from cobot_joint.diagnosis.estimation.effects import (
     ActiveTerm,
@@ -15,7 +16,7 @@ from cobot_joint.diagnosis.estimation.effects import (
     PortSignal,
     StepOffset,
 )
-from cobot_joint.diagnosis.estimation.fit import Fit, marginal_covariance
+from cobot_joint.diagnosis.estimation.fit import NORMAL, Fit, marginal_covariance, widened
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit, fit_added
 from cobot_joint.diagnosis.estimation.problem import Noise, Problem, Run, Simulated
@@ -119,3 +120,22 @@ def test_the_intervals_of_a_formula_hold_beside_parameters_that_do_nearly_the_sa
         narrower.append((high - low) / (2 * 1.96 / np.linalg.norm(column)))
     assert hits >= 13
     assert np.median(narrower) > 3
+
+
+@pytest.mark.parametrize(("colour", "wider"), [(0.0, 1.0), (0.95, 6.2)])
+def test_intervals_hold_where_what_is_left_is_correlated_within_stretches(colour: float, wider: float) -> None:
+    """Two slow columns under a residual of unit variance; fitted 200 times as if it were white."""
+    rng, n = np.random.default_rng(8), 8000
+    t = np.arange(n)
+    J = np.column_stack([np.sin(2 * np.pi * t / 900), np.ones(n)])
+    stretches = (t * 80 // n).astype(np.intp)
+    white = marginal_covariance(J, np.zeros(2))
+    hold, sizes = [], []
+    for _ in range(200):
+        e = lfilter([np.sqrt(1 - colour**2)], [1, -colour], rng.normal(size=n))
+        x = white @ (J.T @ e)
+        sigma = np.sqrt(np.diag(widened(white, J, e - J @ x, stretches)))
+        hold.append(np.abs(x) < NORMAL * sigma)
+        sizes.append(sigma / np.sqrt(np.diag(white)))
+    assert np.mean(hold) > 0.88
+    assert np.median(sizes) == pytest.approx(wider, rel=0.35)

@@ -79,6 +79,8 @@ def convert(values: NDArray[np.float64], unit: str | None, target: str | None, w
         want = _base(have)
     if have.dimensionality != want.dimensionality or _turns(have) != _turns(want):
         raise UserError(f"{where}: unit {unit!r} is given, one that converts to {target!r} is needed")
+    if _leads(want) and not _leads(have):  # pint takes a radian for 1: a screw's 5 mm would be 5 mm/rad
+        raise UserError(f"{where}: unit {unit!r} is given, a length per angle is needed: '{unit}/rev' or '{unit}/rad'")
     if have == want:
         return values, target or unit
     # linear, q = at_0 + (at_1 - at_0) x: degC has an offset, "0.1 %" a factor of its own
@@ -183,6 +185,11 @@ def _word(token: re.Match[str]) -> pint.Quantity:
 
 def _base(q: pint.Quantity) -> pint.Quantity:
     return _registry().Quantity(1.0, q.to_base_units().u)
+
+
+def _leads(q: pint.Quantity) -> bool:
+    """Whether it is a length per angle."""
+    return dict(_base(q).u._units) == {"meter": 1, "radian": -1}
 
 
 def _turns(q: pint.Quantity) -> bool:

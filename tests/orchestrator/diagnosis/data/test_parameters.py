@@ -9,6 +9,7 @@ import pytest
 
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.data.parameters import with_values
+from cobot_joint.diagnosis.data.quantity import convert
 from cobot_joint.diagnosis.estimation.hypothesis import tolerances
 from cobot_joint.diagnosis.estimation.problem import Noise, Problem
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
@@ -90,3 +91,11 @@ def test_a_tolerance_is_around_this_machine_s_value_and_inside_what_its_unit_all
     assert free["planetary_gear.mesh.eta"] == pytest.approx((0.97 * 0.94, 1.0))
     assert free["motor_bldc.winding.R"] == pytest.approx((0.38, 0.42))
     assert "planetary_gear.mesh.b" not in free
+
+
+def test_a_lead_without_its_angle_is_refused_since_it_may_be_per_turn_or_per_radian() -> None:
+    per_turn, unit = convert(np.ones(1), "mm/rev", "m/rad", "here")
+    assert (per_turn[0], unit) == (pytest.approx(1e-3 / (2 * np.pi)), "m/rad")
+    with pytest.raises(UserError, match="here: unit 'mm' is given, a length per angle is needed: 'mm/rev' or 'mm/rad'"):
+        convert(np.ones(1), "mm", "m/rad", "here")
+    assert convert(np.ones(1), "N.m", "N.m/rad", "here")[0][0] == 1.0

@@ -17,6 +17,7 @@ from cobot_joint.screen import Screen
 
 if TYPE_CHECKING:
     from cobot_joint.diagnosis.checks.inspection import Inspection
+    from cobot_joint.diagnosis.drafts.chain import Chain
     from cobot_joint.system.model import System
 
 console = Screen()
@@ -164,7 +165,8 @@ def new(
 
     if (chain is None) == (from_ is None):
         raise UserError("new: one of --chain motor,gear,sensor,load and --from joint is needed")
-    made = make([n.strip() for n in (chain or "").split(",")]) if chain else Chain(load_system(str(from_)), {})
+    parts = [n.strip() for n in (chain or "").split(",")]
+    made = make(parts) if chain else Chain(load_system(str(from_)), {})
     values = dict(_assignment(text) for text in set_ or [])
     made = with_data_sheet(made, values)
     folder = results_folder(out)
@@ -173,8 +175,20 @@ def new(
             raise UserError(f"{folder / name} is there already; --out names another folder")
     words = [(name, part.words) for name, part in made.parts.items()]
     console.print(write_readable(made.system, words, folder / "system.ssd"), soft_wrap=True)
+    if chain and "shaft" not in parts:
+        console.print(*_shaft(made), sep="", end="")
     (folder / "campaign.toml").write_text(_campaign(made.system, folder), encoding="utf-8")
     console.print(folder / "campaign.toml", soft_wrap=True)
+
+
+def _shaft(made: Chain) -> list[str]:
+    """What was put between two parts that both bring motion, in words; nothing: it was not needed."""
+    names = list(made.parts)
+    if "shaft" not in names:
+        return []
+    k, c_s = names.index("shaft"), made.system.component("shaft").parameters["shaft.c_s"]
+    between = f"a shaft of {c_s:g} N.m/rad stands between {names[k - 1]} and {names[k + 1]}"
+    return [f"{between}; where that is assumed: --set 'shaft.c_s=VALUE'\n"]
 
 
 def _campaign(system: System, folder: Path) -> str:

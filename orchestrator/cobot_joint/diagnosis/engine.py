@@ -355,11 +355,12 @@ def _verdict(findings: Sequence[Finding], much_left: bool) -> Verdict:
 
 def _sure(problem: Problem, explanation: Explanation, selected: Selected, left: float) -> float:
     """Confidence in a listed term: by what is left, beside a background by the share that it took, or as the recorded
-    motion says."""
-    much = left > thresholds.CLEARLY_LEFT * problem.excess_scatter
+    motion says. What tens of rows leave is little in itself, so that of a table the share alone counts."""
+    rows = problem.is_table and problem.unexplained(explanation.fit.residual)
+    much = rows or left > thresholds.CLEARLY_LEFT * problem.excess_scatter
     beside = sure_beside_background(problem, explanation.selection).get(selected.term, 0.0) if much else 0.0
     along = explanation.anchored.supports(selected.term) if explanation.anchored else 0.0
-    return max(confidence(selected.gain, left), beside, along)
+    return beside if rows else max(confidence(selected.gain, left), beside, along)
 
 
 def _ground(problem: Problem, finding: Finding, left: float) -> Ground:

@@ -52,7 +52,8 @@ class Outside:
     def finding(self, problem: Problem, calibrated: Fit, repaired: Mapping[str, Estimate]) -> Finding:
         """As a diagnosis says it. repaired: parameters as they were fitted."""
         left, excess = max(self.fit.chi2 - problem.samples, 0.0), max(problem.excess(self.fit.residual), 0.0)
-        much = excess > thresholds.CLEARLY_LEFT * problem.excess_scatter
+        rows = problem.is_table and problem.unexplained(self.fit.residual)
+        much = rows or excess > thresholds.CLEARLY_LEFT * problem.excess_scatter
         sure = beside_background(self.gain / (self.gain + left)) if much else confidence(self.gain, excess)
         return Finding(
             term=self.name,

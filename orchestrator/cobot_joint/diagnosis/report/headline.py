@@ -20,6 +20,7 @@ NOT_COUNTED = {  # what stands behind a confidence -> what is to be said of it
     "frequency response": "findings from frequency responses have not been counted",
     "term not counted": "findings of this effect have not been counted",
 }
+UNKNOWN = 20.0  # times a value, from which on its 95 % interval is no knowledge of its size
 SEEN = 1e-9  # of what is compared: noise below it is what rounding leaves
 
 
@@ -97,8 +98,7 @@ def how_large(f: Json, terms: Mapping[str, TermText]) -> list[str]:
     said = []
     for name, p in f.get("parameters", {}).items():
         unit = "" if p["unit"] in ("", "1") else f" {pretty_unit(p['unit'])}"
-        interval = " ({} to {})".format(*interval_of(*p["ci95"])) if p.get("ci95") else ""
-        said.append(f"{known.get(name) or name}: {number(p['value'])}{unit}{interval}")
+        said.append(f"{known.get(name) or name}: {number(p['value'])}{unit}{_interval(p)}")
     if history := load_history(f.get("load_history")):
         said.append(history)
     if shape := f.get("shape"):
@@ -110,6 +110,16 @@ def how_large(f: Json, terms: Mapping[str, TermText]) -> list[str]:
             f"{size} at {shape['port']}; explains {percent(min(shape.get('explains') or 0.0, 1.0))} of what was left"
         )
     return said
+
+
+def _interval(p: Json) -> str:
+    """Of a parameter in words; one that is many times as wide as the value says that nothing is known of it."""
+    if not p.get("ci95"):
+        return ""
+    low, high = p["ci95"]
+    if high - low > UNKNOWN * abs(p["value"]) > 0:
+        return " (not determined by these recordings)"
+    return " ({} to {})".format(*interval_of(low, high))
 
 
 def errors(d: Json, units: Mapping[str, str]) -> list[str]:

@@ -20,7 +20,7 @@ from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.findings import Ground
 from cobot_joint.diagnosis.repair.compare import VARIANTS, compare
 from cobot_joint.diagnosis.report.chain import chain_of
-from cobot_joint.diagnosis.report.headline import NOT_COUNTED, TermText, how_sure, number, percent
+from cobot_joint.diagnosis.report.headline import NOT_COUNTED, TermText, how_large, how_sure, number, percent
 from cobot_joint.diagnosis.report.overlays import LEVELS, binned, over_signals
 from cobot_joint.diagnosis.report.pictures import of_panels
 from cobot_joint.diagnosis.report.report import ReportData, render, write_report
@@ -363,3 +363,12 @@ def test_a_channel_without_noise_is_reported() -> None:
     given = data("undecided", [])
     given.diagnosis["channels"]["w"]["noise"] = 0.0
     assert "reversals" in words(render(given))
+
+
+@pytest.mark.parametrize(
+    ("ci95", "said"),
+    [([1.9e-3, 2.3e-3], "0.0019 to 0.0023"), ([9e-14, 7e12], "not determined by these recordings")],
+)
+def test_an_interval_that_says_nothing_is_not_spelled_out(ci95: list[float], said: str) -> None:
+    finding = {"term": "a.b", "parameters": {"tau_S": {"value": 2.1e-3, "unit": "N.m", "ci95": ci95}}}
+    assert how_large(finding, {}) == [f"tau_S: 0.0021 N.m ({said})"]

@@ -142,7 +142,7 @@ def test_what_inspect_drafts_for_a_system_of_ones_own_is_read_as_it_stands(
 
 def test_tolerances_that_are_drafted_are_those_of_the_part(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:
     for chain, name, tolerance in (
-        ("motor,load", "load.friction.d", "30 %"),
+        ("motor,load", "load.body.J", "10 %"),
         ("motor,pendulum", "pendulum.body.m", "5 %"),
         ("motor,screw", "screw.body.m", "10 %"),
     ):
@@ -152,7 +152,7 @@ def test_tolerances_that_are_drafted_are_those_of_the_part(tmp_path: Path, cobot
         text = (tmp_path / "f/campaign.toml").read_text()
         (tmp_path / "f/campaign.toml").unlink()
         given = dict(line.split(" = ") for line in text.splitlines() if line.startswith('"') and "%" in line)
-        assert given.get(f'"{name}"', f'"{tolerance}"') == f'"{tolerance}"'
+        assert given[f'"{name}"'] == f'"{tolerance}"'
         assert not any("90 %" in value for value in given.values())
 
 

@@ -4,16 +4,25 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TypeVar
+
+T = TypeVar("T")
+
+
+class OutOfTime(Exception):
+    """Raised out of a search whose time is up."""
 
 
 @dataclass
 class Budget:
-    """seconds: in which something further may be begun. What was not begun is kept in words."""
+    """seconds: in which something further may be looked at. What was not, or not to its end, is kept in words."""
 
     seconds: float = math.inf
     left_out: list[str] = field(default_factory=list)
     begun: float = field(default_factory=time.monotonic)
+    _cuts: bool = False  # whether what runs now ends when time is up
 
     @property
     def limited(self) -> bool:
@@ -21,8 +30,26 @@ class Budget:
         return math.isfinite(self.seconds)
 
     def allows(self, what: str) -> bool:
-        """Whether there is time to look at it; where not, it is noted."""
+        """Whether there is time to begin with it; where not, it is noted."""
         if time.monotonic() - self.begun < self.seconds:
             return True
         self.left_out.append(what)
         return False
+
+    def spend(self, what: str, look: Callable[[], T]) -> T | None:
+        """What is found. None: there was no time for it, or it was up on the way, which is noted."""
+        if not self.allows(what):
+            return None
+        outer, self._cuts = self._cuts, True
+        try:
+            return look()
+        except OutOfTime:
+            self.left_out.append(what)
+            return None
+        finally:
+            self._cuts = outer
+
+    def check(self) -> None:
+        """Called on the way, before anything that takes long. OutOfTime: time is up for what runs now."""
+        if self._cuts and time.monotonic() - self.begun >= self.seconds:
+            raise OutOfTime

@@ -5,8 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-
-import numpy as np
+from functools import partial
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.answer import diagnosis as anchored_diagnosis
@@ -16,12 +15,9 @@ from cobot_joint.diagnosis.budget import Budget
 from cobot_joint.diagnosis.candidates.scan_ranges import driven
 from cobot_joint.diagnosis.candidates.score_test import Scan
 from cobot_joint.diagnosis.data.campaign import Campaign
-from cobot_joint.diagnosis.data.conditioning import condition
+from cobot_joint.diagnosis.estimation.calibrate import calibrate, told, watched
 from cobot_joint.diagnosis.estimation.fit import Fit
-from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
-from cobot_joint.diagnosis.estimation.least_squares import Precision, fit
-from cobot_joint.diagnosis.estimation.multiscale import out_of_local_minimum
-from cobot_joint.diagnosis.estimation.problem import Noise, Problem, one_blas_thread
+from cobot_joint.diagnosis.estimation.problem import Problem, one_blas_thread
 from cobot_joint.diagnosis.experiments.discriminate import advise
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding, Ground, Verdict
 from cobot_joint.diagnosis.localization.evidence import where_it_shows
@@ -34,13 +30,12 @@ from cobot_joint.diagnosis.selection.external_loads import look_for_external_loa
 from cobot_joint.diagnosis.selection.misreading import Misread, look_for_misreading
 from cobot_joint.diagnosis.selection.mistimed import look_for_mistiming
 from cobot_joint.diagnosis.selection.outside import Outside, look_outside
-from cobot_joint.diagnosis.selection.stepwise import SETTLED, Selected, Selection, Selector, prune, worth_naming
+from cobot_joint.diagnosis.selection.stepwise import Selected, Selection, Selector, prune, worth_naming
 from cobot_joint.diagnosis.selection.unmodelled import Unmodelled, look_for_unmodelled
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.errors import UserError, among
 
 Progress = Callable[[str], None]
-CALIBRATION = Precision(settled=10.0, roughly=SETTLED, jacobians=8)
 
 
 @dataclass
@@ -90,9 +85,10 @@ def _diagnosed(campaign: Campaign, plant: Plant, say: Progress, store: Store, bu
     begun = time.monotonic()
     prefetch()
     problem, calibrated = calibrate(campaign, plant, say, store)
+    problem.budget, say = budget, watched(problem, say)
     say("locating the difference")
     located = store.remember("located", calibrated.x, lambda: locate_difference(problem, calibrated).to_json())
-    found, explanation = explain(campaign, problem, calibrated, say, store, budget)
+    found, explanation = explain(campaign, problem, calibrated, say, store)
     found.located = located
     if explanation.calibrated is not calibrated:  # a better one came up on the way
         again = explanation.calibrated
@@ -109,40 +105,16 @@ def _diagnosed(campaign: Campaign, plant: Plant, say: Progress, store: Store, bu
     return found
 
 
-def calibrate(campaign: Campaign, plant: Plant, say: Progress, store: Store) -> tuple[Problem, Fit]:
-    """The problem, and the base model re-fitted inside its tolerances with nothing added."""
-    problem = Problem(plant, campaign.train, noises(campaign))
-    bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
-    say("re-fitting the base model inside its tolerances")
-    base = Hypothesis(tolerances(problem, bounds))
-    calibrated = store.remember("calibrated", told(campaign), lambda: refit(problem, base))
-    if calibrated is None:
-        problem.outputs(base.run(base.start()))  # raises: which unit, which call, and why
-        raise RuntimeError("the system cannot be simulated with its nominal parameters on these recordings")
-    return problem, calibrated
-
-
-def refit(problem: Problem, base: Hypothesis) -> Fit | None:
-    """The base model at its best point. None: its nominal one cannot be simulated."""
-    found = fit(problem, base, precision=CALIBRATION)
-    return out_of_local_minimum(problem, found, CALIBRATION) if found is not None else None
-
-
-def told(campaign: Campaign) -> tuple[object, ...]:
-    """What the campaign says of noise, which a result depends on beside the recordings."""
-    return tuple((name, c.noise, c.colour) for name, c in campaign.logged.items() if c.colour is not None)
-
-
 def explain(
-    campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress, store: Store, budget: Budget
+    campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress, store: Store
 ) -> tuple[Diagnosis, Explanation]:
     """What is missing, without where it shows in the recordings and what would tell more."""
 
     def select() -> Explanation:
-        return _select(campaign, problem, calibrated, say, store, budget)
+        return _select(campaign, problem, calibrated, say, store)
 
     # what time cut short is no result to go on from; its finished rounds are kept
-    explanation = select() if budget.limited else store.remember("selection", _basis(campaign), select)
+    explanation = select() if problem.budget.limited else store.remember("selection", _basis(campaign), select)
     say("writing down what was found")
     if explanation.anchored is not None and not explanation.selected:
         return anchored_diagnosis(explanation.anchored, units_of(problem)), explanation
@@ -154,77 +126,66 @@ def identify(campaign: Campaign, plant: Plant) -> Diagnosis:
     store, say = Store(None), (lambda words: None)
     with one_blas_thread():
         problem, calibrated = calibrate(campaign, plant, say, store)
-        return explain(campaign, problem, calibrated, say, store, Budget())[0]
-
-
-def noises(campaign: Campaign) -> dict[str, Noise]:
-    """Per compared channel, as the campaign says; else as the recordings show it, and never below what the system's
-    logger is specified for."""
-    found = {}
-    for name, quality in condition(campaign.train).items():
-        logged = campaign.logged.get(name)
-        floor = float(np.hypot(logged.noise, (logged.step or 0.0) / np.sqrt(12))) if logged and logged.noise else 0.0
-        colour = logged.colour if logged and logged.colour is not None else max(quality.colour, 0.0)
-        sigma = quality.noise if np.isfinite(quality.noise) and quality.noise > 0 else floor or 1.0
-        believed = bool(floor) and (name in campaign.told or sigma < 0.9 * floor)
-        found[name] = Noise(floor if believed else sigma, colour, quality.step)
-    return found
+        return explain(campaign, problem, calibrated, say, store)[0]
 
 
 def _basis(campaign: Campaign) -> tuple[object, ...]:
     return (*told(campaign), *campaign.terms)
 
 
-def _select(
-    campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress, store: Store, budget: Budget
-) -> Explanation:
+def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress, store: Store) -> Explanation:
     """With `terms` in the campaign: these, and nothing beyond them. Else channels first, then all, listed or not."""
     only = campaign.terms
     scan = Scan(problem, driven(problem, calibrated, _terms(problem, only)), say)
     if only:
-        return _selected(campaign, problem, calibrated, scan, say, store, budget)
+        return _selected(campaign, problem, calibrated, scan, say, store)
     say("asking the channels for gains, offsets and delays")
 
     def look() -> Misread | None:
         return look_for_misreading(problem, calibrated) or look_for_mistiming(problem, calibrated)
 
-    misread = store.remember("misread", _basis(campaign), look)
+    asked = partial(store.remember, "misread", _basis(campaign), look)
+    misread = problem.budget.spend("gains, offsets and delays of channels", asked)
     if misread and misread.explains(problem) and not misread.rivalled(problem, calibrated, scan):
         return Explanation(calibrated, calibrated, Selection([calibrated]), [], misread=misread)
-    found = _selected(campaign, problem, calibrated, scan, say, store, budget)
+    found = _selected(campaign, problem, calibrated, scan, say, store)
     if misread and misread.beats(problem, found.fit):
         return Explanation(found.calibrated, found.calibrated, found.selection.up_to(0), [], misread=misread)
-    if found.unmodelled or found.anchored or not budget.allows("parameters outside their tolerances"):
+    if found.unmodelled or found.anchored:
         return found
     select = Selector(problem, scan, say).select
-    outside = look_outside(problem, found.calibrated, found.fit, found.selected, select, say)
+    outside = problem.budget.spend(
+        "parameters outside their tolerances",
+        lambda: look_outside(problem, found.calibrated, found.fit, found.selected, select, say),
+    )
     if outside is None:
         return found
     return Explanation(found.calibrated, outside.fit, outside.selection, outside.selection.selected, outside=outside)
 
 
 def _selected(
-    campaign: Campaign, problem: Problem, calibrated: Fit, scan: Scan, say: Progress, store: Store, budget: Budget
+    campaign: Campaign, problem: Problem, calibrated: Fit, scan: Scan, say: Progress, store: Store
 ) -> Explanation:
     """What is missing in the machine, its channels taken as they are."""
-    only = campaign.terms
+    only, spend = campaign.terms, problem.budget.spend
     beside = Selector(problem, scan, say)
-    if not only and (load := look_for_unlogged_load(problem, calibrated, beside.select, say, beside.predicted_share)):
+
+    def unlogged() -> Unmodelled | None:
+        return look_for_unlogged_load(problem, calibrated, beside.select, say, beside.predicted_share)
+
+    if not only and (load := spend("a load that is not logged", unlogged)):
         nothing = Selection([calibrated], indistinguishable=dict(scan.indistinguishable))
         return Explanation(calibrated, load.fit, nothing, load.selected, load)
-    listed = Selector(problem, scan, say, store, budget).select(calibrated, _basis(campaign))
+    listed = Selector(problem, scan, say, store).select(calibrated, _basis(campaign))
     calibrated = listed.history[0]  # that of before, or a better one that came up on the way
     if only:
         kept = worth_naming(problem, calibrated, listed)
         return Explanation(calibrated, kept.fit, listed, kept.selected)
-    if _much_is_left(problem, listed) and not budget.allows("external loads, formulas, the recorded motion"):
-        kept = prune(problem, listed)
-        return Explanation(calibrated, kept.fit, listed, kept.selected)
-    if loads := look_for_external_loads(problem, listed, beside.select, say):
+    if loads := spend("external loads", lambda: look_for_external_loads(problem, listed, beside.select, say)):
         return _term_in_place(problem, listed, loads, beside) or Explanation(
             calibrated, loads.fit, listed, loads.selected, loads
         )
-    return _beyond_the_list(campaign, problem, listed, say, store, budget)
+    return _beyond_the_list(campaign, problem, listed, say, store)
 
 
 def _term_in_place(problem: Problem, listed: Selection, loads: Unmodelled, selector: Selector) -> Explanation | None:
@@ -241,7 +202,7 @@ def _term_in_place(problem: Problem, listed: Selection, loads: Unmodelled, selec
 
 
 def _beyond_the_list(
-    campaign: Campaign, problem: Problem, listed: Selection, say: Progress, store: Store, budget: Budget
+    campaign: Campaign, problem: Problem, listed: Selection, say: Progress, store: Store
 ) -> Explanation:
     """What listed terms leave: to a formula that leaves nothing, to the recorded motion, to a formula, or to nothing.
 
@@ -253,14 +214,16 @@ def _beyond_the_list(
     background = takes_most or follows
     least = max(thresholds.ALONE, 1 - left / max(before, 1e-9)) if background else 0.0
     much = _much_is_left(problem, listed)
-    formulas = much and budget.allows("formulas")
-    unmodelled = look_for_unmodelled(problem, calibrated, listed, say, least) if formulas else None
+    unmodelled = (
+        problem.budget.spend("formulas", lambda: look_for_unmodelled(problem, calibrated, listed, say, least))
+        if much
+        else None
+    )
     if unmodelled and (not background or _leaves_nothing(problem, unmodelled)):
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
-    asked = much and follows and not takes_most and budget.allows("the recorded motion")
-    in_runs = [c.term for c in listed.ranking[0]] if listed.ranking else []
+    asked = much and follows and not takes_most
     found = (
-        store.remember("anchored", _basis(campaign), lambda: follow(campaign, problem.plant, say, in_runs))
+        problem.budget.spend("the recorded motion", lambda: _followed(campaign, problem, listed, say, store))
         if asked
         else None
     )
@@ -273,6 +236,17 @@ def _beyond_the_list(
         return Explanation(calibrated, listed.fit, listed, [], anchored=found)
     kept = prune(problem, listed)
     return Explanation(calibrated, kept.fit, listed, kept.selected)
+
+
+def _followed(campaign: Campaign, problem: Problem, listed: Selection, say: Progress, store: Store) -> Search | None:
+    """What the recorded motion says."""
+    in_runs = [c.term for c in listed.ranking[0]] if listed.ranking else []
+
+    def on_the_way(words: str) -> None:
+        problem.budget.check()
+        say(words)
+
+    return store.remember("anchored", _basis(campaign), lambda: follow(campaign, problem.plant, on_the_way, in_runs))
 
 
 def _much_is_left(problem: Problem, listed: Selection) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -365,12 +366,36 @@ def test_without_time_the_first_answer_says_what_was_left_out() -> None:
     assert len(found.findings) == 1
     assert found.findings[0].confidence < EVEN  # what was not looked at may explain it better
     assert found.left_out == [
+        "gains, offsets and delays of channels",
+        "a load that is not logged",
         "further listed terms",
-        "external loads, formulas, the recorded motion",
+        "external loads",
+        "formulas",
         "parameters outside their tolerances",
         "the experiment that would tell more",
     ]
     assert found.to_json()["left_out"] == found.left_out
+
+
+def test_when_time_is_up_a_search_ends_in_the_middle_of_its_simulations() -> None:
+    """The clock strikes in the second round: it is begun, and not finished."""
+    budget, undisturbed, axis = Budget(), Axis(), Axis()
+    diagnose_plant(concealed_windage_and_cogging(), undisturbed)
+
+    def tell(words: str) -> None:
+        if words.startswith("round 2") and "so far" not in words:
+            budget.seconds = 0.0
+
+    found = diagnose_plant(concealed_windage_and_cogging(), axis, budget=budget, progress=tell)
+    assert found.left_out[0] == "further listed terms"
+    assert len(found.findings) == 1
+    assert axis.runs < 0.7 * undisturbed.runs
+
+
+def test_long_fits_say_how_many_simulations_there_were() -> None:
+    said: list[str] = []
+    diagnose_plant(concealed_windage_and_cogging(), Axis(), progress=said.append)
+    assert any(re.fullmatch(r"re-fitting .*: \d+ simulations so far", words) for words in said)
 
 
 def test_with_time_enough_nothing_is_left_out() -> None:

@@ -168,11 +168,11 @@ class Scan:
             if self.progress:
                 self.progress(f"score test: simulation {done} of {total}, {left:.0f} s left")
 
-        self.problem.watch = watch
+        before, self.problem.watch = self.problem.watch, watch
         try:
             yield
         finally:
-            self.problem.watch = None
+            self.problem.watch = before
 
     def probes(self, fit: Fit) -> dict[str, float]:
         """Term -> probing amplitude."""

@@ -14,6 +14,7 @@ from scipy.signal import lfilter
 from threadpoolctl import threadpool_limits
 
 from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.budget import Budget
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.plant import Plant, Signals, SimulationError
 
@@ -169,6 +170,7 @@ class Problem:
         self.step = step
         self.runs = 0
         self.watch: Callable[[int, int], None] | None = None  # told of simulations done, of how many asked for at once
+        self.budget = Budget()
         self._took = [0.0 for _ in self.recordings]  # s; that a simulation took the last time
         self.blocks: list[Block] = []
         self._gaps: list[Gaps] = []  # block by block
@@ -260,6 +262,7 @@ class Problem:
             return list(pool.map(lambda n: self._simulate(run, n, signals), range(len(self.recordings))))
 
     def _one(self, run: Run, n: int) -> Signals | None:
+        self.budget.check()
         begun = time.perf_counter()
         try:
             return self._simulate(run, n, ())

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.recording import Recording
-from cobot_joint.diagnosis.engine import noises
+from cobot_joint.diagnosis.estimation.calibrate import noises
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit
 from cobot_joint.diagnosis.estimation.problem import Problem

@@ -10,8 +10,8 @@ from operator import attrgetter
 import numpy as np
 
 from cobot_joint.diagnosis import thresholds
-from cobot_joint.diagnosis.budget import Budget
 from cobot_joint.diagnosis.candidates.score_test import Column, Scan, Score, scores
+from cobot_joint.diagnosis.estimation.calibrate import SETTLED
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit, marginal_covariance
 from cobot_joint.diagnosis.estimation.least_squares import (
@@ -29,7 +29,6 @@ from cobot_joint.diagnosis.store import Store
 
 POINTED = 8  # terms that are looked at again after the first was added
 PASSES = 3  # over the onsets of several terms
-SETTLED = 0.02  # of what is above noise, that a re-fit may leave to its next step
 SUBSET = 1e-8  # of the largest singular value, below which a column is not asked to stand in for another
 REDUCED = Precision(settled=20.0, roughly=0.01, steps=8, jacobians=1)  # of a fit without an earlier term
 
@@ -82,13 +81,11 @@ class Selector:
         scan: Scan,
         progress: Progress,
         store: Store | None = None,
-        budget: Budget | None = None,
     ) -> None:
         self.problem = problem
         self.scan = scan
         self.progress = progress
         self.store = store or Store(None)
-        self.budget = budget or Budget()
         self.competition = Competition(problem)
         self._columns: list[Column] = []  # at the base model
 
@@ -98,11 +95,13 @@ class Selector:
         while not so_far.done and len(so_far.selected) < thresholds.MOST_TERMS:
             if not self.problem.unexplained(so_far.fit.residual):
                 break
-            if so_far.ranking and not self.budget.allows("further listed terms"):
-                break
             trail = [(s.term, s.gain) for s in so_far.selected]
             stage = f"selection-{len(so_far.ranking) + 1}"
-            so_far = self.store.remember(stage, (basis, trail), partial(self.round, so_far))
+            look = partial(self.store.remember, stage, (basis, trail), partial(self.round, so_far))
+            found = self.problem.budget.spend("further listed terms", look) if so_far.ranking else look()
+            if found is None:
+                break
+            so_far = found
             self.scan.probe, self.scan.indistinguishable = dict(so_far.probes), dict(so_far.indistinguishable)
         return so_far
 

@@ -25,7 +25,8 @@ from cobot_joint.diagnosis.data.campaign import Campaign, load_campaign
 from cobot_joint.diagnosis.data.clock import without_wild
 from cobot_joint.diagnosis.data.recording import LeftOut, Recording
 from cobot_joint.diagnosis.data.suspicion import Suspicion, without_faults
-from cobot_joint.diagnosis.engine import calibrate, identify
+from cobot_joint.diagnosis.engine import identify
+from cobot_joint.diagnosis.estimation.calibrate import calibrate
 from cobot_joint.diagnosis.estimation.problem import one_blas_thread
 from cobot_joint.diagnosis.findings import Diagnosis, Finding
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant

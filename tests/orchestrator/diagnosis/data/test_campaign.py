@@ -10,7 +10,7 @@ import pytest
 
 from cobot_joint import paths
 from cobot_joint.diagnosis.data.campaign import load_campaign, read_campaign_file, system_connectors
-from cobot_joint.diagnosis.engine import noises
+from cobot_joint.diagnosis.estimation.calibrate import noises
 from cobot_joint.errors import UserError
 from cobot_joint.system.read import load_system
 

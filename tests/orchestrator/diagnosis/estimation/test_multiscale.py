@@ -11,7 +11,7 @@ import pytest
 
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.data.recording import Recording
-from cobot_joint.diagnosis.engine import CALIBRATION, noises
+from cobot_joint.diagnosis.estimation.calibrate import CALIBRATION, noises
 from cobot_joint.diagnosis.estimation.effects import BaseParameter
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances

@@ -10,7 +10,8 @@ import pytest
 
 from cobot_joint.cosim import Experiment, Simulation
 from cobot_joint.diagnosis.data.campaign import Campaign, load_campaign
-from cobot_joint.diagnosis.engine import calibrate, diagnose_plant
+from cobot_joint.diagnosis.engine import diagnose_plant
+from cobot_joint.diagnosis.estimation.calibrate import calibrate
 from cobot_joint.diagnosis.estimation.problem import Vector
 from cobot_joint.diagnosis.repair.repair import repair
 from cobot_joint.diagnosis.selection.stepwise import Selection

@@ -1,0 +1,72 @@
+"""The base model re-fitted inside its tolerances, before anything is added to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from cobot_joint.diagnosis.data.campaign import Campaign
+from cobot_joint.diagnosis.data.conditioning import condition
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
+from cobot_joint.diagnosis.estimation.least_squares import Precision, fit
+from cobot_joint.diagnosis.estimation.multiscale import out_of_local_minimum
+from cobot_joint.diagnosis.estimation.problem import Noise, Problem
+from cobot_joint.diagnosis.plant.plant import Plant
+from cobot_joint.diagnosis.store import Store
+
+SETTLED = 0.02  # of what is above noise, that a re-fit may leave to its next step
+CALIBRATION = Precision(settled=10.0, roughly=SETTLED, jacobians=8)
+Progress = Callable[[str], None]
+
+
+def calibrate(campaign: Campaign, plant: Plant, say: Progress, store: Store) -> tuple[Problem, Fit]:
+    """The problem, and the base model re-fitted inside its tolerances with nothing added."""
+    problem = Problem(plant, campaign.train, noises(campaign))
+    bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
+    watched(problem, say)("re-fitting the base model inside its tolerances")
+    base = Hypothesis(tolerances(problem, bounds))
+    calibrated = store.remember("calibrated", told(campaign), lambda: refit(problem, base))
+    if calibrated is None:
+        problem.outputs(base.run(base.start()))  # raises: which unit, which call, and why
+        raise RuntimeError("the system cannot be simulated with its nominal parameters on these recordings")
+    return problem, calibrated
+
+
+def watched(problem: Problem, say: Progress) -> Progress:
+    """`say`, and until it says something else, how many simulations there were so far."""
+    stage = ""
+
+    def tell(words: str) -> None:
+        nonlocal stage
+        stage = words.split(": ")[0]
+        say(words)
+
+    problem.watch = lambda done, total: say(f"{stage}: {problem.runs + done} simulations so far")
+    return tell
+
+
+def refit(problem: Problem, base: Hypothesis) -> Fit | None:
+    """The base model at its best point. None: its nominal one cannot be simulated."""
+    found = fit(problem, base, precision=CALIBRATION)
+    return out_of_local_minimum(problem, found, CALIBRATION) if found is not None else None
+
+
+def told(campaign: Campaign) -> tuple[object, ...]:
+    """What the campaign says of noise, which a result depends on beside the recordings."""
+    return tuple((name, c.noise, c.colour) for name, c in campaign.logged.items() if c.colour is not None)
+
+
+def noises(campaign: Campaign) -> dict[str, Noise]:
+    """Per compared channel, as the campaign says; else as the recordings show it, and never below what the system's
+    logger is specified for."""
+    found = {}
+    for name, quality in condition(campaign.train).items():
+        logged = campaign.logged.get(name)
+        floor = float(np.hypot(logged.noise, (logged.step or 0.0) / np.sqrt(12))) if logged and logged.noise else 0.0
+        colour = logged.colour if logged and logged.colour is not None else max(quality.colour, 0.0)
+        sigma = quality.noise if np.isfinite(quality.noise) and quality.noise > 0 else floor or 1.0
+        believed = bool(floor) and (name in campaign.told or sigma < 0.9 * floor)
+        found[name] = Noise(floor if believed else sigma, colour, quality.step)
+    return found

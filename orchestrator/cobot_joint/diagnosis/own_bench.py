@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -26,6 +27,13 @@ if not console.is_terminal:
 POINTS = 4000  # of a channel in a picture
 
 
+class Steady(StrEnum):
+    """What a row of a table is."""
+
+    rows = "rows"
+    mean = "mean"
+
+
 def inspect(
     logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Recordings: CSV, Parquet, MAT, MDF, MCAP.")],
     system: Annotated[
@@ -37,16 +45,25 @@ def inspect(
     skip: Annotated[int | None, typer.Option(min=0, help="Lines above the line of names.")] = None,
     separator: Annotated[str | None, typer.Option(help="Between cells; 'tab' and 'space' have names.")] = None,
     encoding: Annotated[str | None, typer.Option(help="Of a text file: utf-8, latin-1.")] = None,
+    table: Annotated[
+        Steady | None,
+        typer.Option(
+            help="Steady states: each line of a file is one, without a clock (rows), or the mean of each file."
+        ),
+    ] = None,
 ) -> None:
     """Look at logs: columns, units, clock, gaps, ranges, noise, saturation, suspicions."""
+    import numpy as np
+
     from cobot_joint.diagnosis.checks.inspection import inspect_log
     from cobot_joint.diagnosis.data.delimited import Layout
     from cobot_joint.results.draw import draw
     from cobot_joint.results.figures import Picture, over_time
 
-    found = [inspect_log(path, time, Layout(skip, separator, encoding)) for path in logs]
+    rows = table is Steady.rows
+    found = [inspect_log(path, time, Layout(skip, separator, encoding), rows=rows) for path in logs]
     for path, i in zip(logs, found, strict=True):
-        _show(path, i)
+        _show(path, i, rows)
     if out is None and system is None:
         return
     folder = results_folder(out or logs[0].parent)
@@ -54,29 +71,34 @@ def inspect(
         for path, i in zip(logs, found, strict=True):
             r, every = i.recording, max(1, len(i.recording.time) // POINTS)
             signals = {n: x[::every] for n, x in r.outputs.items()}
-            panels = over_time(r.time[::every], signals, r.units)
-            for file in draw(Picture(folder / path.stem, "signals", path.name, "time [s]", panels)):
+            at = np.arange(float(len(r.time))) if rows else r.time
+            panels = over_time(at[::every], signals, r.units)
+            axis = "row" if rows else "time [s]"
+            for file in draw(Picture(folder / path.stem, "signals", path.name, axis, panels)):
                 console.print(file, soft_wrap=True)
     if system is not None:
         given = {k: v for k, v in (("time", time), ("separator", separator), ("encoding", encoding)) if v}
+        given |= {"table": table.value} if table else {}
         console.print(_first_campaign(folder, system, logs, found, given), soft_wrap=True)
 
 
-def _show(path: Path, i: Inspection) -> None:
+def _show(path: Path, i: Inspection, rows: bool) -> None:
     import numpy as np
 
     r = i.recording
     gaps = int(np.sum(~np.isfinite(next(iter(r.outputs.values())))))
     about = f"{len(r.time)} samples, {r.time[-1] - r.time[0]:.4g} s at {1 / r.step:.5g} Hz, {gaps} not recorded"
     clock = escape(i.log.clock or "one per channel")
-    console.print(f"\n[bold]{escape(str(path))}[/bold]: clock {clock}, {about}", soft_wrap=True)
+    about = f"{len(r.time)} rows, {gaps} values missing" if rows else f"clock {clock}, {about}"
+    console.print(f"\n[bold]{escape(str(path))}[/bold]: {about}", soft_wrap=True)
     grid = Table()
     for name in ("column", "unit", "from", "to", "noise", "step", "saturated", "missing"):
         grid.add_column(name, justify="left" if name in ("column", "unit") else "right")
     for name, q in i.quality.items():
         unit = next(c.unit for c in i.log.channels if c.name == name) or "none given"
         step = f"{q.step:.4g}" if q.step else "-"
-        numbers = [f"{q.low:.5g}", f"{q.high:.5g}", f"{q.noise:.3g}", step, str(q.saturated), str(q.missing)]
+        noise = f"{q.noise:.3g}" if np.isfinite(q.noise) else "-"
+        numbers = [f"{q.low:.5g}", f"{q.high:.5g}", noise, step, str(q.saturated), str(q.missing)]
         grid.add_row(escape(name), escape(unit), *numbers)
     console.print(grid)
     for words in i.words:

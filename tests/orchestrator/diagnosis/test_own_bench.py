@@ -12,6 +12,9 @@ import pytest
 
 from cobot_joint.cli import main
 from cobot_joint.diagnosis.data.campaign import load_campaign
+from cobot_joint.diagnosis.data.formats import Channel
+from cobot_joint.diagnosis.data.recording import Connector
+from cobot_joint.diagnosis.drafts.campaign_text import guess
 
 T = np.arange(4000) * 1e-3
 
@@ -74,6 +77,33 @@ def test_inspect_with_a_system_writes_a_campaign_that_loads_with_its_guesses_mar
     again = cobot_joint("inspect", "a.csv", "--system", "joint")
     assert again.returncode == 2
     assert "campaign.toml is there already" in again.stderr
+
+
+def test_inspect_drafts_a_campaign_from_a_table_that_has_no_clock(
+    tmp_path: Path, cobot_joint: Callable[..., Done]
+) -> None:
+    w = np.linspace(-300, 300, 12)
+    lines = [f"{v:.1f},{1e-4 * v + 0.02 * np.sign(v):.6f}" for v in w]
+    (tmp_path / "axis.csv").write_text("qd [rad/s],T_mess [N.m]\n" + "\n".join(lines))
+    assert cobot_joint("new", "--chain", "friction", "--out", "machine").returncode == 0
+    (tmp_path / "machine/campaign.toml").unlink()
+    done = cobot_joint("inspect", "axis.csv", "--table", "rows", "--system", "machine/system.ssd", "--out", "machine")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "axis.csv: 12 rows, 0 values missing" in done.stdout
+    assert 'table = "rows"' in (tmp_path / "machine/campaign.toml").read_text()
+    table = load_campaign(tmp_path / "machine/campaign.toml").train[0]
+    assert (set(table.inputs), set(table.outputs)) == ({"w"}, {"tau"})
+    assert table.scatter
+
+
+def test_of_columns_in_a_unit_the_only_one_left_is_taken_for_the_connector_that_is_left(tmp_path: Path) -> None:
+    nothing = np.zeros(0)
+    connectors = {n: Connector(n, "output", "rad/s") for n in ("w_motor", "w_load")}
+    columns = [Channel(n, "rpm", nothing, nothing) for n in ("n_motor", "xyz")]
+    found = {g.connector: (g.column.name, g.why) for g in guess(columns, connectors)}
+    assert found["w_load"] == ("xyz", "the only one left in this unit")
+    assert found["w_motor"][0] == "n_motor"
+    assert len(guess([*columns, Channel("abc", "rpm", nothing, nothing)], connectors)) == 1
 
 
 def test_a_slow_clock_is_no_error_for_who_only_looks(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,20 +26,25 @@ class Inspection:
     words: list[str] = field(default_factory=list)  # of the clock, of columns that cannot be used, suspicions
 
 
-def inspect_log(path: Path, time: str | None = None, layout: Layout | None = None) -> Inspection:
-    """Read a log without a system. UserError: it cannot be read."""
-    log = read_log(path, time, layout)
+def inspect_log(path: Path, time: str | None = None, layout: Layout | None = None, *, rows: bool = False) -> Inspection:
+    """Read a log without a system. rows: its lines are steady states, without a clock. UserError: it cannot be read."""
+    log = read_log(path, time, layout, table=rows)
     usable = [c for c in log.channels if np.isfinite(c.values).any() and np.nanmax(np.abs(c.values)) < LARGEST]
     if not usable:
         raise UserError(f"{path}: none of its {len(log.channels)} columns has a value")
     connectors = {c.name: Connector(c.name, "output", c.unit) for c in usable}
     # as a campaign that names its clock: a slow one is no error for who only looks
-    reading = Reading(time=time or log.clock, layout=layout or Layout())
+    clock = None if rows else time or log.clock
+    reading = Reading(time=clock, layout=layout or Layout(), table="rows" if rows else None)
     recording = read_recording(path, connectors, {name: name for name in connectors}, reading)
     words = [*recording.notes]
     words += [f"{name} {why}" for name, why in log.unusable.items()]
     words += [f"{c.name} has no value, or values that no instrument gives" for c in log.channels if c not in usable]
-    if recording.step > SLOWEST:
-        words.append(f"the clock steps by {recording.step:g} s: if it counts ms, say time = '{log.clock} [ms]'")
-    words += [f"{s.channel}: {s.evidence}" for s in suspicions([recording])]
-    return Inspection(log, recording, {n: assess(x) for n, x in recording.outputs.items()}, words)
+    if not rows:
+        if recording.step > SLOWEST:
+            words.append(f"the clock steps by {recording.step:g} s: if it counts ms, say time = '{log.clock} [ms]'")
+        words += [f"{s.channel}: {s.evidence}" for s in suspicions([recording])]
+    quality = {n: assess(x) for n, x in recording.outputs.items()}
+    if rows:  # they follow one another in no time: what differs from one to the next is no noise
+        quality = {n: replace(q, noise=float("nan"), saturated=0) for n, q in quality.items()}
+    return Inspection(log, recording, quality, words)

@@ -79,7 +79,9 @@ def noise_and_colour(*series: NDArray[np.float64]) -> tuple[float, float]:
     longer ones have more is the machine's own motion. Where no window is without motion, only what differs from one
     sample to the next without a pattern is noise, and white. (NaN, 0) where no window has enough samples.
     """
-    longest = max(16, min(map(len, series)) // 8)
+    if min(map(len, series)) < ENOUGH:
+        return float("nan"), 0.0
+    longest = max(ENOUGH, min(map(len, series)) // 8)
     found = [_in_windows(series, n) for n in dict.fromkeys(min(n, longest) for n in WINDOWS)]
     sigmas = [sigma for sigma, _ in found]
     agree = [s <= AGREE * min(sigmas[k:]) for k, s in enumerate(sigmas)]

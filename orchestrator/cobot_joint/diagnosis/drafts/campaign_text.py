@@ -60,7 +60,23 @@ def guess(channels: Sequence[Channel], connectors: Mapping[str, Connector], logg
     for _, candidate in sorted(pairs, key=lambda p: -p[0]):
         if candidate.connector not in chosen and candidate.column not in [g.column for g in chosen.values()]:
             chosen[candidate.connector] = candidate
+    for candidate in _only_ones_left(channels, connectors, chosen):
+        chosen[candidate.connector] = candidate
     return [chosen[name] for name in connectors if name in chosen]
+
+
+def _only_ones_left(
+    channels: Sequence[Channel], connectors: Mapping[str, Connector], chosen: Mapping[str, Guess]
+) -> list[Guess]:
+    """Of columns with a unit and connectors without a column, those that have nobody else."""
+    columns = [c for c in channels if c.unit and c not in [g.column for g in chosen.values()]]
+    left = [c for c in connectors.values() if c.name not in chosen and c.unit]
+    fitting = {c.name: [column for column in columns if _converts(column.unit, c.unit)] for c in left}
+    return [
+        Guess(columns[0], name, "the only one left in this unit")
+        for name, columns in fitting.items()
+        if len(columns) == 1 and sum(columns[0] in others for others in fitting.values()) == 1
+    ]
 
 
 def _converts(unit: str | None, target: str | None) -> bool:
@@ -99,9 +115,11 @@ def campaign_text(
         lines += ["", "[tolerances]   # how far a healthy parameter may be off; guess: the data sheet knows better"]
         lines += [f"{_quoted(name)} = {_quoted(tolerance)}" for name, tolerance in tolerances.items()]
     expected = ", ".join(_quoted(each.connector.name) for each in lacking if each.expected)
-    for k, file in enumerate(files):
+    means = (given or {}).get("table") == "mean" and len(files) > 1  # each file is a row of one recording
+    for k, file in enumerate(files[:1] if means else files):
         role = "holdout" if k == len(files) - 1 > 0 else "train"
-        lines += ["", "[[recording]]", f"file = {_quoted(file)}"]
+        named = "[" + ", ".join(map(_quoted, files)) + "]" if means else _quoted(file)
+        lines += ["", "[[recording]]", f"file = {named}"]
         lines += [f"{key} = {_quoted(value)}" for key, value in (given or {}).items()]
         if role == "holdout":
             lines.append('role = "holdout"   # guess: the last is held out, scored and never fitted')

@@ -182,7 +182,7 @@ def _answer(problem: Problem, start: Fit, best: Fit, selected: list[Selected], p
         gain=gain,
     )
     if offsets:
-        height = Estimate(offsets[0].A, port.unit, _interval(best, offsets[0]))
+        height = Estimate(offsets[0].A, port.unit, _interval(problem, best, offsets[0]))
         form = Form(port.name, port.unit, (), (Feature(Product(), height),), round(taken, 3))
         return Unmodelled(best, selected, replace(finding, shape=form), taken)
     names = dict.fromkeys(load.recording for load in loads)
@@ -191,7 +191,7 @@ def _answer(problem: Problem, start: Fit, best: Fit, selected: list[Selected], p
     return Unmodelled(best, selected, replace(finding, load_history=history), taken)
 
 
-def _interval(best: Fit, offset: StepOffset) -> tuple[float, float]:
+def _interval(problem: Problem, best: Fit, offset: StepOffset) -> tuple[float, float]:
     """95 % of its height, all else free."""
     names = [c.names[0] for c in best.hypothesis.coordinates]
-    return best.interval(names.index(offset.coordinates[0].names[0]))
+    return best.interval(names.index(offset.coordinates[0].names[0]), problem.stretches(best.residual))

@@ -88,7 +88,8 @@ class Misread:
     def told(self, problem: Problem) -> Misreading:
         """As a diagnosis says it."""
         reading, k = self.reading, len(self.fit.x) - 2
-        (low, high), shift = self.fit.interval(k), self.fit.interval(k + 1)
+        stretches = problem.stretches(self.fit.residual)
+        (low, high), shift = self.fit.interval(k, stretches), self.fit.interval(k + 1, stretches)
         r = next(r for r in problem.recordings if reading.channel in (*r.inputs, *r.outputs))
         column, unit = r.columns.get(reading.channel, reading.channel), r.units.get(reading.channel, "1")
         if isinstance(reading, Stamps):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -27,6 +27,9 @@ PACE = 3.0  # steps, and sigma of the noise, per sample, from which on motion is
 SHAKES = 0.75  # steps of noise, rounding included, from which on leaving repeats out moves no mean by 0.01 steps
 RESTING = ("rad", "m")  # a shaft may stand still anywhere
 REACH = 5  # samples on either side, over which a channel's pace is taken
+CAUGHT_UP = (1.75, 2.25)  # times its neighbours, that the step after a repeat is where a value was not renewed
+IN_A_ROW = 8  # repeats at most: where 30 % are held, more come once in 15,000
+ENOUGH = 30  # such steps, of which that can be told
 
 
 @dataclass(frozen=True)
@@ -54,11 +57,13 @@ class Fault:
 
 
 def without_faults(recordings: Sequence[Recording]) -> list[Recording]:
-    """With clipped, frozen and repeated samples taken as not recorded (NaN), and channels of one value left away.
+    """With clipped, frozen and repeated samples taken as not recorded (NaN), and channels of one value left away; an
+    input that was held is bridged.
 
     A channel that is held in one run is held in all: slow motion does not show it. A column that somebody looked at is
     believed. What is left out is said in `left_out`.
     """
+    recordings = _with_bridges(recordings)
     found = [list(faults(r)) for r in recordings]
     slow = {fault.channel: fault.words for of_run in found for fault in of_run if fault.kind == "held"}
     left = []
@@ -67,6 +72,24 @@ def without_faults(recordings: Sequence[Recording]) -> list[Recording]:
         more = [Fault(n, "held", slow[n], repeated(r.outputs[n])) for n in slow if n in r.outputs and n not in told]
         left.append(_without(r, [*of_run, *more]))
     return left
+
+
+def _with_bridges(recordings: Sequence[Recording]) -> list[Recording]:
+    """Recordings whose held inputs go on in straight lines instead."""
+    seen = {n: words for r in recordings if not r.scatter for n, x in r.inputs.items() if (words := not_renewed(x))}
+    return [_bridged(r, {n: w for n, w in seen.items() if n in r.inputs and n not in r.believed}) for r in recordings]
+
+
+def _bridged(r: Recording, held: Mapping[str, str]) -> Recording:
+    """held: input -> what is said of it."""
+    inputs, left_out, at = dict(r.inputs), list(r.left_out), np.arange(len(r.time))
+    for name, words in held.items():
+        bridged, x = short_repeats(inputs[name]), inputs[name]
+        if bridged.any():
+            inputs[name] = np.interp(at, at[~bridged], x[~bridged])
+            said = f"{words}: {int(bridged.sum())} of {len(x)} samples are bridged in a straight line"
+            left_out.append(LeftOut(name, "held", int(bridged.sum()), said))
+    return replace(r, inputs=inputs, left_out=left_out) if len(left_out) > len(r.left_out) else r
 
 
 def _without(r: Recording, found: Sequence[Fault]) -> Recording:
@@ -177,9 +200,7 @@ def _moves(y: Vector, span: slice) -> bool:
 
 def held(x: Vector) -> tuple[str, Mask]:
     """Samples that repeat the one before while the channel moves on by more than its step and noise per sample."""
-    nowhere = np.zeros(len(x), dtype=bool)
-    noise, step, pace = _noise_step_pace(x)
-    moving = pace > PACE * max(step, noise)
+    nowhere, moving = np.zeros(len(x), dtype=bool), _moving(x)
     if moving.sum() < 100:
         return "", nowhere
     share = float(np.mean(_again(x)[moving]))
@@ -187,6 +208,36 @@ def held(x: Vector) -> tuple[str, Mask]:
         return "", nowhere
     words = f"{100 * share:.0f} % of its samples repeat the one before while it moves: held, or slower than the clock"
     return words, repeated(x)
+
+
+def not_renewed(x: Vector) -> str:
+    """Whether an input repeats samples for want of new ones, in words: the step after a repeat makes up for it.
+
+    What a command really does in stairs, or in a converter's steps, is followed by a step like any other.
+    """
+    again, moving = _again(x), _moving(x)
+    fresh = ~again
+    k = np.arange(2, len(x) - 2)
+    alone = k[again[k] & moving[k] & fresh[k - 1] & fresh[k - 2] & fresh[k + 1] & fresh[k + 2]]
+    before, after, later = (np.abs(x[alone + j] - x[alone + j - 1]) for j in (-1, 1, 2))
+    low, high = CAUGHT_UP
+    if len(alone) < ENOUGH or not low < float(np.median(2 * after / (before + later))) < high:
+        return ""
+    share = 100 * again[moving].mean()
+    return f"{share:.0f} % of its samples repeat the one before while it moves, and the next step makes up for it: held"
+
+
+def short_repeats(x: Vector) -> Mask:
+    """Of a held input, what repeats a few times in a row; in long rows it stands still."""
+    found = np.zeros(len(x), dtype=bool)
+    for start, stop in runs(_again(x)):
+        found[start:stop] = stop - start <= IN_A_ROW
+    return found
+
+
+def _moving(x: Vector) -> Mask:
+    noise, step, pace = _noise_step_pace(x)
+    return np.asarray(pace > PACE * max(step, noise))
 
 
 def repeated(x: Vector) -> Mask:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -84,6 +85,31 @@ def test_of_a_held_channel_repeats_are_left_out_in_every_run() -> None:
         assert left.mean() < 0.55  # some are alike by chance
         assert r.left_out[0].kind == "held"
     assert np.isfinite(fast.outputs["i"]).all()
+
+
+def test_a_held_input_is_bridged_in_every_run_and_told() -> None:
+    chirp = 10 * np.sin(2 * np.pi * (1 + T) * T)
+    slow = np.where(T < 4, 1.0, 2.0) * np.sin(2 * np.pi * T)
+    runs = [replace(run(speed()), inputs={"v": u[HOLD]}) for u in (chirp, slow)]
+    for r, truth in zip(without_faults(runs), (chirp, slow), strict=True):
+        held = float(np.std(truth[HOLD] - truth))
+        assert np.std(r.inputs["v"] - truth) < 0.25 * held
+        assert (r.left_out[0].channel, r.left_out[0].kind) == ("v", "held")
+        assert "are bridged in a straight line" in r.left_out[0].words
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        pytest.param(np.floor(4 * T) / 4, id="stairs"),
+        pytest.param(0.01 * np.round(3 * T / 0.01), id="a ramp in a converter's steps"),
+        pytest.param(np.sin(4 * T)[np.arange(N) // 10 * 10], id="renewed every tenth sample"),
+        pytest.param(np.where(T > 4, 5.0, 0.0) + np.sin(8 * T), id="a step in a sine"),
+    ],
+)
+def test_what_a_command_really_repeats_is_left_as_it_is(command: np.ndarray) -> None:
+    r = replace(run(speed()), inputs={"v": command})
+    assert without_faults([r]) == [r]
 
 
 def test_a_slow_channel_keeps_each_value_once() -> None:

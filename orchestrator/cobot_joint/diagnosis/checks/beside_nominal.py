@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from cobot_joint.diagnosis.data.conditioning import noise_and_colour
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.data.suspicion import Suspicion
 
@@ -21,6 +22,10 @@ DOUBT = 0.97  # correlation below which an input is doubted: real machines with 
 FAR = 3.0  # factor between recorded and simulated motion that physics alone has never made (0.6 to 1.13 on real logs)
 NEAR = 1.35  # within which a factor is taken for a known one
 SHARE = 0.5  # of what the nominal system leaves, that a delay has to explain
+STILL, MOVES = (
+    0.01,
+    10.0,
+)  # of what is recorded, that a system moves which nothing drives; noise, that a machine exceeds
 LONGEST = 30.0  # s of a run that are simulated
 
 DECIMALS = {1000.0: "a unit of a thousandth was declared whole (mA as A)", 100.0: "percent, or hundredths",
@@ -56,7 +61,7 @@ def beside_nominal(
             break
         r = _beginning(recording)
         simulated = simulate(r)
-        wrong = list(_scales(r, simulated, simulate, ratios or {}))
+        wrong = list(_driven_by_nothing(r, simulated)) or list(_scales(r, simulated, simulate, ratios or {}))
         found += wrong or list(_free_drift(r, simulated))
         for name, m in _matches(r, simulated).items():
             if wrong or m.correlation < ALIKE:
@@ -93,6 +98,22 @@ def match(recorded: Vector, simulated: Vector) -> Match | None:
 
 def _matches(r: Recording, simulated: Mapping[str, Vector]) -> dict[str, Match]:
     return {n: m for n, x in r.outputs.items() if n in simulated and (m := match(x, simulated[n])) is not None}
+
+
+def _driven_by_nothing(r: Recording, simulated: Mapping[str, Vector]) -> Iterator[Suspicion]:
+    """Inputs of one value, with which the nominal system stands still while the machine moves."""
+    both = {n: (x[np.isfinite(x)], simulated[n]) for n, x in r.outputs.items() if n in simulated}
+    if any(np.std(s) > STILL * np.std(x) for x, s in both.values() if len(x)):
+        return
+    mover = next((n for n, (x, _) in both.items() if len(x) > 2 and np.std(x) > MOVES * noise_and_colour(x)[0]), "")
+    for name, u in r.inputs.items():
+        if mover and np.ptp(u) == 0 and name not in r.believed:
+            column = r.columns.get(name, name)
+            words = (
+                f"one value, {u[0]:.4g}, in the whole recording, with which the nominal system stands still while "
+                f"{mover} moves: is {column!r} the right column? If what drives the machine was not recorded, scale = 1"
+            )
+            yield Suspicion(r.name, name, "frozen", words, wrong=True)
 
 
 def _scales(

@@ -67,9 +67,10 @@ def test_nothing_is_said_of_a_clean_log(look: Callable[..., list[Suspicion]]) ->
         ("tau_sensor", lambda x, r: -x, "sign", "it moves against the nominal system (correlation -1.00): reversed?"),
         ("i_brake", lambda x, r: 1e3 * x, "factor", "with a factor of 0.001 every output fits the nominal system"),
         ("v_command", lambda x, r: -x, "sign", "with its sign reversed every output fits the nominal system"),
+        ("v_command", lambda x, r: 0 * x, "frozen", "with which the nominal system stands still while i_motor moves"),
     ],
 )
-def test_a_factor_or_sign_is_named_and_sure_enough_to_stop(
+def test_a_factor_sign_or_dead_input_is_named_and_sure_enough_to_stop(
     look: Callable[..., list[Suspicion]], name: str, change: Change, kind: str, words: str
 ) -> None:
     found = look(name, change)[-1]

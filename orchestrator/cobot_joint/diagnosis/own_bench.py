@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -27,13 +26,6 @@ if not console.is_terminal:
 POINTS = 4000  # of a channel in a picture
 
 
-class Steady(StrEnum):
-    """What a row of a table is."""
-
-    rows = "rows"
-    mean = "mean"
-
-
 def inspect(
     logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help="Recordings: CSV, Parquet, MAT, MDF, MCAP.")],
     system: Annotated[
@@ -45,12 +37,6 @@ def inspect(
     skip: Annotated[int | None, typer.Option(min=0, help="Lines above the line of names.")] = None,
     separator: Annotated[str | None, typer.Option(help="Between cells; 'tab' and 'space' have names.")] = None,
     encoding: Annotated[str | None, typer.Option(help="Of a text file: utf-8, latin-1.")] = None,
-    table: Annotated[
-        Steady | None,
-        typer.Option(
-            help="Steady states: each line of a file is one, without a clock (rows), or the mean of each file."
-        ),
-    ] = None,
 ) -> None:
     """Look at logs: columns, units, clock, gaps, ranges, noise, saturation, suspicions."""
     import numpy as np
@@ -60,10 +46,9 @@ def inspect(
     from cobot_joint.results.draw import draw
     from cobot_joint.results.figures import Picture, over_time
 
-    rows = table is Steady.rows
-    found = [inspect_log(path, time, Layout(skip, separator, encoding), rows=rows) for path in logs]
+    found = [inspect_log(path, time, Layout(skip, separator, encoding)) for path in logs]
     for path, i in zip(logs, found, strict=True):
-        _show(path, i, rows)
+        _show(path, i)
     if out is None and system is None:
         return
     folder = results_folder(out or logs[0].parent)
@@ -71,25 +56,25 @@ def inspect(
         for path, i in zip(logs, found, strict=True):
             r, every = i.recording, max(1, len(i.recording.time) // POINTS)
             signals = {n: x[::every] for n, x in r.outputs.items()}
-            at = np.arange(float(len(r.time))) if rows else r.time
+            at = np.arange(float(len(r.time))) if i.table else r.time
             panels = over_time(at[::every], signals, r.units)
-            axis = "row" if rows else "time [s]"
+            axis = "row" if i.table else "time [s]"
             for file in draw(Picture(folder / path.stem, "signals", path.name, axis, panels)):
                 console.print(file, soft_wrap=True)
     if system is not None:
         given = {k: v for k, v in (("time", time), ("separator", separator), ("encoding", encoding)) if v}
-        given |= {"table": table.value} if table else {}
+        given |= {"table": "rows"} if found[0].table else {}
         console.print(_first_campaign(folder, system, logs, found, given), soft_wrap=True)
 
 
-def _show(path: Path, i: Inspection, rows: bool) -> None:
+def _show(path: Path, i: Inspection) -> None:
     import numpy as np
 
     r = i.recording
     gaps = int(np.sum(~np.isfinite(next(iter(r.outputs.values())))))
     about = f"{len(r.time)} samples, {r.time[-1] - r.time[0]:.4g} s at {1 / r.step:.5g} Hz, {gaps} not recorded"
     clock = escape(i.log.clock or "one per channel")
-    about = f"{len(r.time)} rows, {gaps} values missing" if rows else f"clock {clock}, {about}"
+    about = f"{len(r.time)} rows, {gaps} values missing" if i.table else f"clock {clock}, {about}"
     console.print(f"\n[bold]{escape(str(path))}[/bold]: {about}", soft_wrap=True)
     grid = Table()
     for name in ("column", "unit", "from", "to", "noise", "step", "saturated", "missing"):

@@ -18,6 +18,7 @@ from cobot_joint.diagnosis.plant.plant import Parameter, Port, ScannedShape, Sig
 STEP, SAMPLES = 2e-3, 3000
 NOISE = 0.05  # rad/s
 FASTEST = 1e6  # rad/s
+OFF = {"axis.J": 1.04e-3, "axis.d": 1.9e-3, "axis.tau_C": 0.0206}  # inside the tolerances
 NOMINAL = {"axis.J": 1e-3, "axis.k": 0.1, "axis.d": 2e-3, "axis.tau_C": 0.02}
 
 

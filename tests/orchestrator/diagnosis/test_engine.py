@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,7 +15,6 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from cobot_joint.diagnosis import engine
 from cobot_joint.diagnosis.anchored.search import Search
-from cobot_joint.diagnosis.budget import Budget
 from cobot_joint.diagnosis.candidates.score_test import Scan
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.engine import diagnose_plant, identify
@@ -31,10 +29,8 @@ from cobot_joint.diagnosis.selection.stepwise import Selected, Selection, Select
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.diagnosis.thresholds import EVEN, EVIDENCE
 from cobot_joint.system.read import load_system
-from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, OFFSET, ORDERS, PUSH, TERMS, Axis, campaign
+from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, OFF, OFFSET, ORDERS, PUSH, TERMS, Axis, campaign
 from tests.orchestrator.diagnosis.bench import calibrated
-
-OFF = {"axis.J": 1.04e-3, "axis.d": 1.9e-3, "axis.tau_C": 0.0206}  # inside the tolerances
 
 
 def problem(case, axis=None):  # type: ignore[no-untyped-def]
@@ -355,63 +351,3 @@ def test_a_load_that_comes_and_goes_must_take_nearly_all_to_count_beside_a_backg
         selection = Selection(fits, [Selected(name, share * above)])  # type: ignore[arg-type]
         believed = engine.sure_beside_background(p, selection).get(name, 0.0) >= EVEN
         assert believed == (counts or name == "axis.windage")
-
-
-def concealed_windage_and_cogging() -> Campaign:
-    return campaign(OFF | {"axis.windage.c": 2e-6, "axis.cogging.A": 8e-3, "axis.cogging.n": 5.0})
-
-
-def test_without_time_the_first_answer_says_what_was_left_out() -> None:
-    found = diagnose_plant(concealed_windage_and_cogging(), Axis(), budget=Budget(0.0))
-    assert len(found.findings) == 1
-    assert found.findings[0].confidence < EVEN  # what was not looked at may explain it better
-    assert found.left_out == [
-        "gains, offsets and delays of channels",
-        "a load that is not logged",
-        "further listed terms",
-        "external loads",
-        "formulas",
-        "parameters outside their tolerances",
-        "the experiment that would tell more",
-    ]
-    assert found.to_json()["left_out"] == found.left_out
-
-
-def test_when_time_is_up_a_search_ends_in_the_middle_of_its_simulations() -> None:
-    """The clock strikes in the second round: it is begun, and not finished."""
-    budget, undisturbed, axis = Budget(), Axis(), Axis()
-    diagnose_plant(concealed_windage_and_cogging(), undisturbed)
-
-    def tell(words: str) -> None:
-        if words.startswith("round 2") and "so far" not in words:
-            budget.seconds = 0.0
-
-    found = diagnose_plant(concealed_windage_and_cogging(), axis, budget=budget, progress=tell)
-    assert found.left_out[0] == "further listed terms"
-    assert len(found.findings) == 1
-    assert axis.runs < 0.7 * undisturbed.runs
-
-
-def test_long_fits_say_how_many_simulations_there_were() -> None:
-    said: list[str] = []
-    diagnose_plant(concealed_windage_and_cogging(), Axis(), progress=said.append)
-    assert any(re.fullmatch(r"re-fitting .*: \d+ simulations so far", words) for words in said)
-
-
-def test_with_time_enough_nothing_is_left_out() -> None:
-    found = diagnose_plant(concealed_windage_and_cogging(), Axis(), budget=Budget(1e6))
-    assert {f.term for f in found.findings} == {"axis.windage", "axis.cogging"}
-    assert found.left_out == []
-    assert "left_out" not in found.to_json()
-
-
-def test_what_time_cut_short_is_gone_on_from_and_never_taken_for_the_answer(tmp_path: Path) -> None:
-    case = concealed_windage_and_cogging()
-    undisturbed, first, second = Axis(), Axis(), Axis()
-    expected = diagnose_plant(case, undisturbed)
-    short = diagnose_plant(case, first, store=Store(tmp_path), budget=Budget(0.0))
-    assert short.left_out
-    found = diagnose_plant(case, second, store=Store(tmp_path))
-    assert [f.term for f in found.findings] == [f.term for f in expected.findings]
-    assert found.left_out == []
-    assert second.runs < undisturbed.runs

@@ -87,9 +87,10 @@ def test_inspect_drafts_a_campaign_from_a_table_that_has_no_clock(
     (tmp_path / "axis.csv").write_text("qd [rad/s],T_mess [N.m]\n" + "\n".join(lines))
     assert cobot_joint("new", "--chain", "friction", "--out", "machine").returncode == 0
     (tmp_path / "machine/campaign.toml").unlink()
-    done = cobot_joint("inspect", "axis.csv", "--table", "rows", "--system", "machine/system.ssd", "--out", "machine")
+    done = cobot_joint("inspect", "axis.csv", "--system", "machine/system.ssd", "--out", "machine")
     assert (done.returncode, done.stderr) == (0, "")
     assert "axis.csv: 12 rows, 0 values missing" in done.stdout
+    assert "no column is a clock: each row is taken for a steady state" in done.stdout
     assert 'table = "rows"' in (tmp_path / "machine/campaign.toml").read_text()
     table = load_campaign(tmp_path / "machine/campaign.toml").train[0]
     assert (set(table.inputs), set(table.outputs)) == ({"w"}, {"tau"})

@@ -11,9 +11,11 @@ from cobot_joint.diagnosis.checks.suspicions import suspicions
 from cobot_joint.diagnosis.data.clock import SLOWEST
 from cobot_joint.diagnosis.data.conditioning import ChannelQuality, assess
 from cobot_joint.diagnosis.data.delimited import Layout
-from cobot_joint.diagnosis.data.formats import Log, read_log
+from cobot_joint.diagnosis.data.formats import Log, NoClock, read_log
 from cobot_joint.diagnosis.data.recording import LARGEST, Connector, Reading, Recording, read_recording
 from cobot_joint.errors import UserError
+
+TABLE = "no column is a clock: each row is taken for a steady state; if they are samples of a run, the clock is missing"
 
 
 @dataclass(frozen=True)
@@ -24,11 +26,15 @@ class Inspection:
     recording: Recording
     quality: dict[str, ChannelQuality]
     words: list[str] = field(default_factory=list)  # of the clock, of columns that cannot be used, suspicions
+    table: bool = False  # its rows are steady states
 
 
-def inspect_log(path: Path, time: str | None = None, layout: Layout | None = None, *, rows: bool = False) -> Inspection:
-    """Read a log without a system. rows: its lines are steady states, without a clock. UserError: it cannot be read."""
-    log = read_log(path, time, layout, table=rows)
+def inspect_log(path: Path, time: str | None = None, layout: Layout | None = None) -> Inspection:
+    """Read a log without a system; one without a clock as a table of steady states. UserError: it cannot be read."""
+    try:
+        log, rows = read_log(path, time, layout), False
+    except NoClock:
+        log, rows = read_log(path, time, layout, table=True), True
     usable = [c for c in log.channels if np.isfinite(c.values).any() and np.nanmax(np.abs(c.values)) < LARGEST]
     if not usable:
         raise UserError(f"{path}: none of its {len(log.channels)} columns has a value")
@@ -37,7 +43,7 @@ def inspect_log(path: Path, time: str | None = None, layout: Layout | None = Non
     clock = None if rows else time or log.clock
     reading = Reading(time=clock, layout=layout or Layout(), table="rows" if rows else None)
     recording = read_recording(path, connectors, {name: name for name in connectors}, reading)
-    words = [*recording.notes]
+    words = [TABLE] if rows else [*recording.notes]
     words += [f"{name} {why}" for name, why in log.unusable.items()]
     words += [f"{c.name} has no value, or values that no instrument gives" for c in log.channels if c not in usable]
     if not rows:
@@ -47,4 +53,4 @@ def inspect_log(path: Path, time: str | None = None, layout: Layout | None = Non
     quality = {n: assess(x) for n, x in recording.outputs.items()}
     if rows:  # they follow one another in no time: what differs from one to the next is no noise
         quality = {n: replace(q, noise=float("nan"), saturated=0) for n, q in quality.items()}
-    return Inspection(log, recording, quality, words)
+    return Inspection(log, recording, quality, words, rows)

@@ -25,6 +25,10 @@ TIME_NAMES = ("time", "t", "timestamp", "timestamps", "loop_time", "zeit", "elap
 ROWS = 16  # a matrix of more rows is a picture or a table of its own
 
 
+class NoClock(UserError):
+    """No column of the file can be its clock."""
+
+
 @dataclass(frozen=True)
 class Channel:
     """One recorded channel as the file has it: nothing sorted, resampled or converted yet."""
@@ -267,7 +271,7 @@ def _clock_name(path: Path, names: list[str], durations: list[str], time: str | 
             raise UserError(f'{path}: {among(found)} could be the clock: say which, time = "{found[0]} [s]"')
     if len(durations) == 1:
         return durations[0]
-    raise UserError(
+    raise NoClock(
         f"{path}: no time column; columns are {among(names)}; a clock is called {' or '.join(TIME_NAMES[:6])}, "
         f'or say which it is, time = "{names[0] if names else "NAME"} [s]"'
     )

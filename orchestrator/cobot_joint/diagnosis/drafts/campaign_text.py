@@ -115,11 +115,9 @@ def campaign_text(
         lines += ["", "[tolerances]   # how far a healthy parameter may be off; guess: the data sheet knows better"]
         lines += [f"{_quoted(name)} = {_quoted(tolerance)}" for name, tolerance in tolerances.items()]
     expected = ", ".join(_quoted(each.connector.name) for each in lacking if each.expected)
-    means = (given or {}).get("table") == "mean" and len(files) > 1  # each file is a row of one recording
-    for k, file in enumerate(files[:1] if means else files):
+    for k, file in enumerate(files):
         role = "holdout" if k == len(files) - 1 > 0 else "train"
-        named = "[" + ", ".join(map(_quoted, files)) + "]" if means else _quoted(file)
-        lines += ["", "[[recording]]", f"file = {named}"]
+        lines += ["", "[[recording]]", f"file = {_quoted(file)}"]
         lines += [f"{key} = {_quoted(value)}" for key, value in (given or {}).items()]
         if role == "holdout":
             lines.append('role = "holdout"   # guess: the last is held out, scored and never fitted')

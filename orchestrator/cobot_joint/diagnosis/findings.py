@@ -86,17 +86,20 @@ class Form:
 class LoadHistory:
     """External loads at `port` (`component.variable`) while these recordings were made, and only then.
 
-    recordings: name -> (time since its beginning, value), linear in between, 0 outside.
+    recordings: name -> (time since its beginning, value), linear in between, 0 outside. frozen: an input that is one
+    value during all of them, and hardly by chance.
     """
 
     port: str
     unit: str
     recordings: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
+    frozen: str = ""
 
     def to_json(self) -> dict[str, Any]:
         """As diagnosis.json has it."""
         recordings = {name: {"t": t, "value": value} for name, (t, value) in self.recordings.items()}
-        return {"port": self.port, "unit": self.unit, "recordings": recordings}
+        frozen = {"frozen": self.frozen} if self.frozen else {}
+        return {"port": self.port, "unit": self.unit, "recordings": recordings, **frozen}
 
 
 @dataclass(frozen=True)

@@ -83,7 +83,8 @@ NO_WORSE = (
     1.02  # times the error above noise without it, up to which a repair counts as no worse: the field scorers' rule
 )
 NEGLIGIBLE = 0.05  # of the noise's variance, summed over channels: an error that nobody can see
-WITHHELD = 0.45  # confidence at most where a repair is withheld or time cut a search short: less than even, no claim
+WITHHELD = 0.45  # confidence at most where a repair is withheld, time cut a search short, or an input may have frozen:
+# less than even, no claim
 
 # -- experiments, frequency responses
 SEPARATES = 100.0  # predicted chi-square, ten sigma, from which on an experiment is worth doing

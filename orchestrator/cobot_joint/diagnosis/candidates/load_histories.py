@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cobot_joint.diagnosis.data.suspicion import runs
 from cobot_joint.diagnosis.estimation.effects import LoadPulse, StepOffset
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.least_squares import Precision, difference, fit_added, fit_on
@@ -19,6 +20,9 @@ BEGUN = 0.01  # of a trace's largest residual energy, up to which it has not beg
 LOCATED = 0.05  # s to which the beginning of a trace is known
 ROUNDS = 4  # of a fit: in each, times move by a part of a pulse's length
 FIRST, FURTHER = Precision(5.0, 0.01, steps=8, jacobians=0), Precision(5.0, 0.01, steps=8, jacobians=2)
+
+COVERS = 0.9  # of all loads of a recording, that one stretch of an input covers
+BY_CHANCE = 0.1  # probability below which it is no accident that it does
 
 Spans = Mapping[int, Sequence[tuple[float, float]]]  # recording -> (from, to), s
 Acting = LoadPulse | StepOffset
@@ -102,6 +106,30 @@ def outline(loads: Sequence[LoadPulse]) -> tuple[Vector, Vector]:
     """Corners of all loads of one recording: (time, value)"""
     t = np.array(sorted({t for load in loads for t in load.t}))
     return t, np.sum([load.signal(t) for load in loads], axis=0)
+
+
+def frozen_meanwhile(problem: Problem, loads: Sequence[LoadPulse]) -> str:
+    """An input that is one value during all loads of a recording, and would hardly be by chance; "": none.
+
+    The value that it stays at is one stretch per recording: what froze does not come back and freeze again.
+    """
+    names = dict.fromkeys(name for r in problem.recordings for name in r.inputs)
+    return next((name for name in names if _by_chance(problem, name, loads) < BY_CHANCE), "")
+
+
+def _by_chance(problem: Problem, name: str, loads: Sequence[LoadPulse]) -> float:
+    """How probable it is that loads at any times lie within stretches of one value as these do; 1: these do not."""
+    probable = 1.0
+    for n, r in enumerate(problem.recordings):
+        own = [load for load in loads if load.recording == r.name]
+        if not own:
+            continue
+        time, u = clock(problem, n), r.inputs.get(name, np.zeros(0))
+        begins, ends = min(load.t[0] for load in own), max(load.t[3] for load in own)
+        still = [(time[a - 1], time[b - 1]) for a, b in runs(np.diff(u, prepend=np.inf) == 0)] if len(u) else []
+        lengths = [b - a for a, b in still if min(b, ends) - max(a, begins) > COVERS * (ends - begins)]
+        probable *= (lengths[0] / time[-1]) ** len(own) if lengths else np.inf
+    return float(min(probable, 1.0))
 
 
 def clock(problem: Problem, n: int) -> Vector:

@@ -36,7 +36,7 @@ class LeftOut:
     """Samples of a channel that are no measurements, and are taken as not recorded."""
 
     channel: str  # connector
-    kind: Literal["outlier", "clipped", "frozen", "held"]
+    kind: Literal["outlier", "clipped", "frozen", "held", "bridged"]
     samples: int
     words: str
 

@@ -17,7 +17,8 @@ Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Kind = Literal[
     "factor", "sign", "swapped", "late", "clock drifts", "drift",  # beside the nominal system
-    "clipped", "frozen", "held", "outlier", "not excited", "inertia differs", "duplicate",  # from the data alone
+    # from the data alone
+    "clipped", "frozen", "held", "bridged", "outlier", "not excited", "inertia differs", "duplicate",
 ]  # fmt: skip
 
 CLIPPED = 0.002  # share of samples at an extreme, in runs that noise would break up
@@ -88,7 +89,7 @@ def _bridged(r: Recording, held: Mapping[str, str]) -> Recording:
         if bridged.any():
             inputs[name] = np.interp(at, at[~bridged], x[~bridged])
             said = f"{words}: {int(bridged.sum())} of {len(x)} samples are bridged in a straight line"
-            left_out.append(LeftOut(name, "held", int(bridged.sum()), said))
+            left_out.append(LeftOut(name, "bridged", int(bridged.sum()), said))
     return replace(r, inputs=inputs, left_out=left_out) if len(left_out) > len(r.left_out) else r
 
 

@@ -13,7 +13,13 @@ from cobot_joint.diagnosis.report import localization_words
 
 Json = Mapping[str, Any]
 SLIGHT = 2e-5  # s, s per s; a quartz clock is off by as much
-NO_MEASUREMENT = {"outlier": "far outside", "clipped": "clipped", "frozen": "frozen", "held": "repeated"}
+LEFT_OUT = {
+    "outlier": "far outside and not compared",
+    "clipped": "clipped and not compared",
+    "frozen": "frozen and not compared",
+    "held": "repeated and not compared",
+    "bridged": "repeats of a held input and bridged",
+}
 
 
 def spoken(content: Json) -> dict[str, Any]:
@@ -169,6 +175,11 @@ def notes(content: Json) -> list[str]:
         one = "outside its tolerance fits, and does not predict"
         several = "outside their tolerances fit, and do not predict"
         said.append(f"{' and '.join(refuted)} {one if len(refuted) == 1 else several}: that is not it")
+    said += [
+        f"{name} is one value while these loads act, and moves before: an input that froze in the log looks like this"
+        for f in content["findings"]
+        if (name := f.get("load_history", {}).get("frozen"))
+    ]
     if time_was_up := left_out(content):
         said.append(time_was_up)
     return said + not_compared(content) + _unexplained(content)
@@ -181,7 +192,7 @@ def not_compared(content: Json) -> list[str]:
         found.setdefault((out["channel"], out["why"]), []).append(out)
     return [
         f"{channel}: {sum(o['samples'] for o in outs)} of {sum(o['of'] for o in outs)} samples are "
-        f"{NO_MEASUREMENT[why]} and not compared, in {' and '.join(o['recording'] for o in outs)}"
+        f"{LEFT_OUT[why]}, in {' and '.join(o['recording'] for o in outs)}"
         for (channel, why), outs in found.items()
     ]
 

@@ -19,6 +19,7 @@ from cobot_joint.diagnosis.candidates.load_histories import (
     clock,
     energy,
     fitted,
+    frozen_meanwhile,
     outline,
     pulses,
     step_offset,
@@ -185,9 +186,12 @@ def _answer(problem: Problem, start: Fit, best: Fit, selected: list[Selected], p
         height = Estimate(offsets[0].A, port.unit, _interval(problem, best, offsets[0]))
         form = Form(port.name, port.unit, (), (Feature(Product(), height),), round(taken, 3))
         return Unmodelled(best, selected, replace(finding, shape=form), taken)
+    frozen = frozen_meanwhile(problem, loads)
+    if frozen:  # what acts then may be what was not logged
+        finding = replace(finding, confidence=min(finding.confidence, thresholds.WITHHELD))
     names = dict.fromkeys(load.recording for load in loads)
     histories = {name: outline([load for load in loads if load.recording == name]) for name in names}
-    history = LoadHistory(port.name, port.unit, histories)
+    history = LoadHistory(port.name, port.unit, histories, frozen)
     return Unmodelled(best, selected, replace(finding, load_history=history), taken)
 
 

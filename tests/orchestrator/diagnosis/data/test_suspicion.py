@@ -94,7 +94,7 @@ def test_a_held_input_is_bridged_in_every_run_and_told() -> None:
     for r, truth in zip(without_faults(runs), (chirp, slow), strict=True):
         held = float(np.std(truth[HOLD] - truth))
         assert np.std(r.inputs["v"] - truth) < 0.25 * held
-        assert (r.left_out[0].channel, r.left_out[0].kind) == ("v", "held")
+        assert (r.left_out[0].channel, r.left_out[0].kind) == ("v", "bridged")
         assert "are bridged in a straight line" in r.left_out[0].words
 
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from cobot_joint.diagnosis.candidates.load_histories import frozen_meanwhile
 from cobot_joint.diagnosis.candidates.score_test import Scan
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.engine import identify
+from cobot_joint.diagnosis.estimation.effects import LoadPulse
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Vector
 from cobot_joint.diagnosis.findings import Diagnosis, Finding, LoadHistory
@@ -111,6 +114,26 @@ def test_a_sealed_campaign_whose_pulley_gives_way_is_answered_with_the_term_and_
         found = identify(campaign, plant)
     assert [f.term for f in found.findings] == ["mr_brake_belt.pulley_eccentricity"]
     assert found.findings[0].onset == pytest.approx(7.3641, abs=2e-3)  # as published
+
+
+@pytest.mark.parametrize(
+    ("moves_until", "frozen"),
+    [(12.0, "i_brake"), (0.0, ""), (15.0, "")],
+    ids=["frozen over the last quarter", "one value all the time", "moves while it is held"],
+)
+def test_loads_while_an_input_is_one_value_and_moves_before_may_be_what_was_not_logged(
+    moves_until: float, frozen: str
+) -> None:
+    time = 1e-2 * np.arange(1600)
+    u = np.sin(np.minimum(time, moves_until))
+    recordings = [SimpleNamespace(name=n, time=time, inputs={"i_brake": u}) for n in ("a", "b")]
+    port = SimpleNamespace(name="brake.tau", component="brake", unit="N.m")
+    loads = [
+        LoadPulse(port, n, time, 1.0, (t, t + 0.1, t + 0.5, t + 0.6))  # type: ignore[arg-type]
+        for n in ("a", "b")
+        for t in (12.5, 14.0)
+    ]
+    assert frozen_meanwhile(SimpleNamespace(recordings=recordings), loads) == frozen  # type: ignore[arg-type]
 
 
 def test_a_difference_that_lasts_is_not_looked_at_as_an_episode() -> None:

@@ -2,7 +2,8 @@
 
 A free run over minutes adds up whatever is wrong, and angles are lost, so that a right term in the wrong phase is worse
 than none. Here a run is free for a horizon only, and begins at the state that a filter has estimated from the samples
-before it (multi-step prediction errors: Ljung 1999, System Identification, 16.5).
+before it (multi-step prediction errors: Ljung 1999, System Identification, 16.5). Where no filter can follow, as where
+a gear rattles in its gap, the free run is the better prediction.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from cobot_joint.system.model import System, Value
 
 Array = NDArray[np.float64]
 HORIZON = 0.2  # s
+LOST = 4.0  # times the mean square of the free run's error: below it a wrong model may be anchored as well
 
 
 @dataclass(frozen=True)
@@ -42,29 +44,53 @@ def predicted_figures(
     horizon: float = HORIZON,
 ) -> dict[str, dict[str, Any] | None]:
     """channel -> {"horizon": s, variant -> rms of recording - prediction over all samples}; None where a unit of a
-    system allows no state to be set."""
+    system allows no state to be set.
+
+    Of a recording in which a filter loses its way the free run from its beginning counts, of all variants.
+    """
     channels = dict.fromkeys(channel for r in recordings for channel in r.outputs)
     if any(states_of(system) is None for v in variants.values() for system in v.systems.values()):
         return dict.fromkeys(channels)
-    found: dict[str, dict[str, Any] | None] = {channel: {"horizon": horizon} for channel in channels}
-    for name, variant in variants.items():
-        errors: dict[str, list[Array]] = {channel: [] for channel in channels}
-        for recording in recordings:
-            for channel, series in predict(recording, variant, noise, horizon).items():
+    errors: dict[str, dict[str, list[Array]]] = {channel: {name: [] for name in variants} for channel in channels}
+    for recording in recordings:
+        of_each = {name: predict(recording, variant, noise, horizon) for name, variant in variants.items()}
+        lost = any(predicted.lost(recording, noise) for predicted in of_each.values())
+        for name, predicted in of_each.items():
+            for channel, series in (predicted.free if lost else predicted.anchored).items():
                 error = recording.outputs[channel] - series
-                errors[channel].append(error[np.isfinite(error)])
-        for channel, parts in errors.items():
-            found[channel] = {**(found[channel] or {}), name: float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))}
-    return found
+                errors[channel][name].append(error[np.isfinite(error)])
+    return {
+        channel: {"horizon": horizon}
+        | {name: float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) for name, parts in of_channel.items()}
+        for channel, of_channel in errors.items()
+    }
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """Channel -> (n,): free runs over each horizon of unbroken data, NaN where nothing is recorded; and one free run
+    from the recording's beginning on."""
+
+    anchored: dict[str, Array]
+    free: dict[str, Array]
+
+    def lost(self, recording: Recording, noise: Mapping[str, ChannelNoise]) -> bool:
+        """Whether the filter lost its way, so that runs begun there are far worse than one that never was anchored: as
+        where a gear rattles in its gap."""
+
+        def above(series: Mapping[str, Array]) -> float:
+            return sum(
+                float(np.nanmean((recording.outputs[channel] - y) ** 2)) / noise[channel].sigma ** 2
+                for channel, y in series.items()
+            )
+
+        return above(self.anchored) > LOST * above(self.free)
 
 
 def predict(
     recording: Recording, variant: Variant, noise: Mapping[str, ChannelNoise], horizon: float = HORIZON
-) -> dict[str, Array]:
-    """Channel -> (n,): free runs over each horizon of unbroken data, NaN where nothing is recorded.
-
-    SimulationError (of cosim): a unit fails.
-    """
+) -> Predicted:
+    """One recording. SimulationError (of cosim): a unit fails."""
     plant = FmuPlant({recording.setup: variant.systems[recording.setup]})  # with the additive ports as inputs
     system = plant.systems[recording.setup]
     ports = [port.name for port in plant.ports]
@@ -83,7 +109,10 @@ def predict(
             rows = slice(first, end)
             inputs = {name: u[rows] for name, u in recording.inputs.items()}
             y[rows] = sampled.run(x, tracked.time[rows], inputs).y
-        return {channel: y[:, j] for j, channel in enumerate(sampled.channels)}
+        whole = sampled.run(sampled.start(recording.initial), tracked.time, dict(recording.inputs)).y
+        free = np.where(np.isfinite(y), whole, np.nan)
+        channels = list(enumerate(sampled.channels))
+        return Predicted({name: y[:, j] for j, name in channels}, {name: free[:, j] for j, name in channels})
 
 
 def pieces(recording: Recording, horizon: float) -> list[tuple[int, int]]:

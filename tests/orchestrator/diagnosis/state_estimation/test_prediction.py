@@ -9,7 +9,7 @@ import pytest
 
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.state_estimation import prediction
-from cobot_joint.diagnosis.state_estimation.prediction import Variant, pieces, predict, predicted_figures
+from cobot_joint.diagnosis.state_estimation.prediction import Predicted, Variant, pieces, predict, predicted_figures
 from cobot_joint.system.read import load_system
 from tests.orchestrator.diagnosis.state_estimation.rig import COGGING, NOISE, SIGMA, recorded, run
 
@@ -64,7 +64,7 @@ def test_nothing_is_predicted_in_a_gap_and_all_of_the_rest() -> None:
     recording = recorded(run(seconds=1.5))
     lost = (recording.time > 0.8) & (recording.time < 1.0)
     recording.outputs = {n: np.where(lost, np.nan, y) for n, y in recording.outputs.items()}
-    found = predict(recording, Variant(BASE), NOISE)
+    found = predict(recording, Variant(BASE), NOISE).anchored
     for channel, series in found.items():
         np.testing.assert_array_equal(np.isfinite(series), ~lost)
         error = (series - recording.outputs[channel])[~lost]
@@ -77,12 +77,29 @@ def test_a_prediction_begins_at_a_state_that_knows_nothing_of_the_samples_it_pre
     """What is recorded from a piece's beginning on does not move the prediction there, the sizes being given."""
     monkeypatch.setattr(prediction, "with_sizes", lambda estimator, tracked: estimator)
     recording = recorded(run(seconds=1.0))
-    before = predict(recording, Variant(BASE), NOISE)
+    before = predict(recording, Variant(BASE), NOISE).anchored
     later = recording.time > 0.7999
     recording.outputs = {n: np.where(later, y + 5 * SIGMA[n], y) for n, y in recording.outputs.items()}
-    after = predict(recording, Variant(BASE), NOISE)
+    after = predict(recording, Variant(BASE), NOISE).anchored
     for channel in SIGMA:
         np.testing.assert_array_equal(after[channel], before[channel])
+
+
+def test_where_a_filter_loses_its_way_the_free_run_counts_of_every_variant(monkeypatch: pytest.MonkeyPatch) -> None:
+    recording = recorded(run(seconds=0.2))
+    off = {"right": {"anchored": 0.0, "free": 1.0}, "lost": {"anchored": 9.0, "free": 2.0}}
+
+    def stated(_: Recording, variant: Variant, *more: object) -> Predicted:
+        by = off[str(variant.values["name"])]
+        return Predicted(*({c: y + by[kind] * SIGMA[c] for c, y in recording.outputs.items()} for kind in by))
+
+    monkeypatch.setattr(prediction, "predict", stated)
+    found = {name: Variant(BASE, {"name": name}) for name in off}
+    for channel, sigma in SIGMA.items():
+        figures = predicted_figures([recording], found, NOISE)[channel]
+        assert (figures["right"], figures["lost"]) == pytest.approx((sigma, 2 * sigma))
+        alone = predicted_figures([recording], {"right": found["right"]}, NOISE)[channel]
+        assert alone["right"] == pytest.approx(0.0)
 
 
 def test_a_unit_whose_states_cannot_be_set_has_no_prediction(axis: Path) -> None:

@@ -97,7 +97,7 @@ def test_inspect_drafts_a_campaign_from_a_table_that_has_no_clock(
     assert table.scatter
 
 
-def test_of_columns_in_a_unit_the_only_one_left_is_taken_for_the_connector_that_is_left(tmp_path: Path) -> None:
+def test_of_columns_in_a_unit_the_only_one_left_is_taken_for_the_connector_that_is_left() -> None:
     nothing = np.zeros(0)
     connectors = {n: Connector(n, "output", "rad/s") for n in ("w_motor", "w_load")}
     columns = [Channel(n, "rpm", nothing, nothing) for n in ("n_motor", "xyz")]

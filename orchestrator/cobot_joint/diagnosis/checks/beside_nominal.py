@@ -22,10 +22,8 @@ DOUBT = 0.97  # correlation below which an input is doubted: real machines with 
 FAR = 3.0  # factor between recorded and simulated motion that physics alone has never made (0.6 to 1.13 on real logs)
 NEAR = 1.35  # within which a factor is taken for a known one
 SHARE = 0.5  # of what the nominal system leaves, that a delay has to explain
-STILL, MOVES = (
-    0.01,
-    10.0,
-)  # of what is recorded, that a system moves which nothing drives; noise, that a machine exceeds
+STILL = 0.01  # of what is recorded, that a system moves at most which nothing drives: 0 of 220 sound runs
+MOVES = 10.0  # times the noise, that a machine moves which something drives
 LONGEST = 30.0  # s of a run that are simulated
 
 DECIMALS = {1000.0: "a unit of a thousandth was declared whole (mA as A)", 100.0: "percent, or hundredths",

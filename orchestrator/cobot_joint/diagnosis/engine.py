@@ -9,7 +9,7 @@ from functools import partial
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.answer import diagnosis as anchored_diagnosis
-from cobot_joint.diagnosis.anchored.follow import can_follow, follow
+from cobot_joint.diagnosis.anchored.follow import can_follow, follow, motion_is_given
 from cobot_joint.diagnosis.anchored.search import Search
 from cobot_joint.diagnosis.budget import Budget
 from cobot_joint.diagnosis.candidates.scan_ranges import driven
@@ -206,28 +206,30 @@ def _beyond_the_list(
 ) -> Explanation:
     """What listed terms leave: to a formula that leaves nothing, to the recorded motion, to a formula, or to nothing.
 
-    Beside a background a formula has to be predicted to take as much as listed terms take, and most of it.
+    Beside a background a formula has to be predicted to take as much as listed terms take, and most of it. Where motion
+    is an input, free runs lose nothing: the recorded motion is asked first, then formulas compete as listed terms do.
     """
     calibrated = listed.history[0]
     left, before = problem.excess(listed.fit.residual), problem.excess(calibrated.residual)
-    takes_most, follows = _takes_most(problem, listed), can_follow(campaign, problem.plant)
-    background = takes_most or follows
+    takes_most, given = _takes_most(problem, listed), motion_is_given(campaign)
+    much, follows = _much_is_left(problem, listed), can_follow(campaign, problem.plant)
+    background = takes_most or (follows and not given)
     least = max(thresholds.ALONE, 1 - left / max(before, 1e-9)) if background else 0.0
-    much = _much_is_left(problem, listed)
-    unmodelled = (
-        problem.budget.spend("formulas", lambda: look_for_unmodelled(problem, calibrated, listed, say, least))
-        if much
-        else None
-    )
+
+    def follow_them() -> Search | None:
+        asked = much and follows and not takes_most
+        return problem.budget.spend("the recorded motion", along) if asked else None
+
+    along = partial(_followed, campaign, problem, listed, say, store)
+    formula = partial(look_for_unmodelled, problem, calibrated, listed, say, least)
+    found = follow_them() if given else None
+    if found and found.claims:
+        return Explanation(calibrated, listed.fit, listed, [], anchored=found)
+    unmodelled = problem.budget.spend("formulas", formula) if much else None
     if unmodelled and (not background or _leaves_nothing(problem, unmodelled)):
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
-    asked = much and follows and not takes_most
-    found = (
-        problem.budget.spend("the recorded motion", lambda: _followed(campaign, problem, listed, say, store))
-        if asked
-        else None
-    )
-    stands = listed.selected if left < thresholds.REMAINDER * before else []
+    found = found if given else follow_them()
+    stands = listed.selected if left < thresholds.REMAINDER * before or (given and not takes_most) else []
     if found and stands and found.supports(stands[0].term):
         return Explanation(calibrated, listed.fit, listed, stands, anchored=found)
     if unmodelled and unmodelled.taken > thresholds.ENOUGH and not (takes_most or (found and found.claims)):

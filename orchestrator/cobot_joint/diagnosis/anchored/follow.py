@@ -8,7 +8,6 @@ from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis.anchored.search import Progress, Search, Searcher
 from cobot_joint.diagnosis.anchored.tracks import Tracker
 from cobot_joint.diagnosis.data.campaign import Campaign
-from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import SPEEDS, Plant
 from cobot_joint.diagnosis.state_estimation.noise import noise_of
@@ -18,10 +17,15 @@ MOTIONS = {*SPEEDS, "rad", "m"}
 
 
 def can_follow(campaign: Campaign, plant: Plant) -> bool:
-    """Whether states can be set, and recordings are runs in time. Where motion is an input a free run loses nothing."""
+    """Whether states can be set, and recordings are runs in time."""
     if not isinstance(plant, FmuPlant) or any(states_of(system) is None for system in plant.systems.values()):
         return False
-    return not any(recording.scatter or _motion_is_given(recording) for recording in campaign.train)
+    return not any(recording.scatter for recording in campaign.train)
+
+
+def motion_is_given(campaign: Campaign) -> bool:
+    """Whether an angle, a way, or a speed drives the system: a free run does not lose its way then."""
+    return any(r.units.get(name) in MOTIONS for r in campaign.train for name in r.inputs)
 
 
 def follow(campaign: Campaign, plant: Plant, say: Progress, in_runs: Collection[str]) -> Search | None:
@@ -36,8 +40,3 @@ def follow(campaign: Campaign, plant: Plant, say: Progress, in_runs: Collection[
         except SimulationError as error:
             say(f"the recordings cannot be followed: {error}")
             return None
-
-
-def _motion_is_given(recording: Recording) -> bool:
-    """Whether an angle, a way, or a speed drives the system."""
-    return any(recording.units.get(name) in MOTIONS for name in recording.inputs)

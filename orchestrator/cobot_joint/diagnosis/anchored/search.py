@@ -166,7 +166,7 @@ class Searcher:
             more = then.gain_over(at)
             if more < -thresholds.ANCHORED_EVIDENCE:  # too far for what is linear
                 found.values = before
-                return self._follow(found)
+                return at
             at, before = then, dict(found.values)
             if more < enough:
                 break

@@ -29,7 +29,7 @@ class Tracker:
         self.plant, self.recordings, self.noise = plant, list(recordings), noise
         self._structures: dict[str, Structure] = {}  # by set-up
         self._latents: dict[str, tuple[Latent, ...]] = {}  # by recording
-        self._systems = ExitStack()
+        self._systems, self._before = ExitStack(), ExitStack()
 
     def __enter__(self) -> Tracker:
         return self
@@ -38,14 +38,16 @@ class Tracker:
         self, _type: type[BaseException] | None, _value: BaseException | None, _trace: TracebackType | None
     ) -> None:
         self._systems.close()
+        self._before.close()
 
     def follow(self, values: Mapping[str, Value], onsets: Mapping[str, float] | None = None) -> list[Tracking]:
-        """With `component.variable` values, of which some hold from an onset on, s. What was found before is closed.
+        """With `component.variable` values, of which some hold from an onset on, s. What was found the time before last
+        is closed.
 
         SimulationError: a unit fails in every recording. One that fails in some is left out there.
         """
-        self._systems.close()
-        self._systems = ExitStack()
+        self._before.close()
+        self._before, self._systems = self._systems, ExitStack()
         why: list[SimulationError] = []
 
         def one(recording: Recording) -> Tracking | None:

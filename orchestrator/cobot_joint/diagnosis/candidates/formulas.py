@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.order_spectrum import order_spectrum
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 from cobot_joint.diagnosis.plant.correction import SGN, TIME, Factor, Product
-from cobot_joint.diagnosis.plant.plant import Port
+from cobot_joint.diagnosis.plant.plant import Port, Signals
 
 ORDERS = tuple(float(n) for n in range(1, 49))  # periods per turn that are looked for
 FEW, MORE = 2, 4  # waves that are tried at every port, and at those where the residual points
@@ -34,11 +35,12 @@ class Local:
 
 
 class Dictionary:
-    """Forms at one port on the trajectories of one fit."""
+    """Forms at one port on the trajectories of one fit. outputs: these with the ports' signals, where simulated."""
 
-    def __init__(self, problem: Problem, start: Fit, port: Port) -> None:
+    def __init__(self, problem: Problem, start: Fit, port: Port, outputs: Sequence[Signals] | None = None) -> None:
         self.problem, self.port = problem, port
-        self.outputs = problem.outputs(start.run, port.signals)
+        self.residual = start.residual
+        self.outputs = problem.outputs(start.run, port.signals) if outputs is None else outputs
         self.locals = {
             r.name: Local({_short(n): v for n, v in outputs.items() if n in port.signals}, r.time - r.time[0])
             for r, outputs in zip(problem.recordings, self.outputs, strict=True)
@@ -70,21 +72,22 @@ class Dictionary:
         largest = max((float(np.max(np.abs(k.signals[name]))) for k in self.locals.values()), default=0.0)
         return float(f"{largest:.0e}")
 
-    def waves(self, residual: Vector) -> list[Wave]:
+    @cached_property
+    def waves(self) -> list[Wave]:
         """Orders of the port's angles that stand out of the residual, clearest first."""
         found: list[tuple[float, Wave]] = []
         for name in self.port.angles:
-            power, _ = order_spectrum(self.problem, residual, name, self.outputs, ORDERS)
+            power, _ = order_spectrum(self.problem, self.residual, name, self.outputs, ORDERS)
             found += [(float(p), (_short(name), n)) for n, p in zip(ORDERS, power, strict=True) if p > 0]
         return [wave for _, wave in sorted(found, reverse=True)]
 
-    def first(self, waves: Sequence[Wave]) -> dict[Product, Feature]:
+    def first(self) -> dict[Product, Feature]:
         """The few that tell where the residual points."""
-        return self._values([*self._first(), *self._waves(waves[:FEW])])
+        return self._values([*self._first(), *self._waves(self.waves[:FEW])])
 
-    def more(self, waves: Sequence[Wave]) -> dict[Product, Feature]:
+    def more(self) -> dict[Product, Feature]:
         """The rest."""
-        return self._values([*self._more(), *self._waves(waves[FEW:MORE])])
+        return self._values([*self._more(), *self._waves(self.waves[FEW:MORE])])
 
     def _values(self, products: Sequence[Product]) -> dict[Product, Feature]:
         """Those that are not 0 everywhere."""

@@ -57,16 +57,23 @@ class Choice(Generic[Form]):
 
 
 def respond(
-    problem: Problem, start: Fit, port: Port, features: Mapping[Form, Mapping[str, Vector]]
+    problem: Problem,
+    start: Fit,
+    port: Port,
+    features: Mapping[Form, Mapping[str, Vector]],
+    only: int | None = None,
 ) -> list[Column[Form]]:
-    """One run per feature (form -> recording -> values); what cannot be simulated is left out."""
+    """One run per feature (form -> recording -> values); what cannot be simulated is left out.
+
+    only: the number of the one recording that is looked at; in the others nothing responds then.
+    """
     runs, sizes = [], []
     for feature in features.values():
         size = max(float(np.sqrt(np.mean(v**2))) for v in feature.values()) or 1.0
         sizes.append(PROBE.get(port.unit, 1e-3) / size)
         run = start.run.with_signals(port.name, {name: sizes[-1] * v for name, v in feature.items()})
         runs.append(run.beside(port.component))
-    found = problem.simulate(runs, start.simulated)
+    found = problem.simulate(runs, start.simulated, () if only is None else [only] * len(runs))
     return [
         Column(port, form, values, (f.white - start.simulated.white) / size)
         for (form, values), f, size in zip(features.items(), found, sizes, strict=True)

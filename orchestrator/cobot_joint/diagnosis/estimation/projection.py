@@ -37,6 +37,11 @@ class Projection:
         total, coefficients = self._decrease(chosen, penalty)
         return total - self.nothing, coefficients
 
+    @property
+    def together(self) -> float:
+        """Chi-square that all columns take with all that was fitted."""
+        return self._decrease(range(len(self.gram) - 1 - self.base))[0]
+
     def _decrease(self, chosen: Sequence[int], penalty: Vector | None = None) -> tuple[float, Vector]:
         base = self.base
         use = np.concatenate([np.arange(1, base + 1), base + 1 + np.array(chosen, dtype=int)]).astype(int)

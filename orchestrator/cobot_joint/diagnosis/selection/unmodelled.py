@@ -27,6 +27,7 @@ from cobot_joint.diagnosis.plant.plant import Port
 from cobot_joint.diagnosis.selection.confidence import confidence
 from cobot_joint.diagnosis.selection.formula import forward
 from cobot_joint.diagnosis.selection.late_onset import look_late
+from cobot_joint.diagnosis.selection.promising import promising
 from cobot_joint.diagnosis.selection.stepwise import Selected, Selection, share
 
 Say = Callable[[str], None]
@@ -54,7 +55,7 @@ class Place:
 
     def look_closer(self, problem: Problem, start: Fit) -> None:
         """With all forms, not a few."""
-        rest = respond(problem, start, self.port, self.dictionary.more(self.dictionary.waves(start.residual)))
+        rest = respond(problem, start, self.port, self.dictionary.more())
         self.choice = forward(problem, start, [*self.columns, *rest])
 
 
@@ -82,7 +83,7 @@ def look_for_unmodelled(
         beside = _look(problem, listed.fit, listed.selected, say, least)
         if beside is not None:
             return beside
-    return alone if alone is not None and alone.finding.gain > calibrated.cost - listed.fit.cost else None
+    return alone if alone is not None and _outweighs(problem, alone, left, terms) else None
 
 
 def _worth_more(problem: Problem, alone: Unmodelled, before: float, left: float, terms: int) -> bool:
@@ -91,18 +92,27 @@ def _worth_more(problem: Problem, alone: Unmodelled, before: float, left: float,
     A formula follows whatever the data show; one term whose form is somewhat off is still the right name, while several
     may be patches. What is left counts once per feature or term.
     """
+    rest = max(problem.excess(alone.fit.residual), problem.excess_scatter, thresholds.NO_PROOF * before)
+    if terms == 1:
+        return left > thresholds.TIMES_LESS * _freedom(alone) * rest
+    return _outweighs(problem, alone, left, terms)
+
+
+def _outweighs(problem: Problem, alone: Unmodelled, left: float, terms: int) -> bool:
+    """Whether it leaves less than listed terms do, per feature or term; anything does where there is none."""
+    rest = max(problem.excess(alone.fit.residual), problem.excess_scatter)
+    return terms == 0 or left * terms > rest * _freedom(alone)
+
+
+def _freedom(alone: Unmodelled) -> int:
     form = alone.finding.shape
     assert form is not None
-    freedom = len(form.features) or thresholds.TABLE_FREEDOM
-    rest = max(problem.excess(alone.fit.residual), problem.excess_scatter)
-    if terms == 1:
-        return left > thresholds.TIMES_LESS * freedom * max(rest, thresholds.NO_PROOF * before)
-    return left * terms > rest * freedom
+    return len(form.features) or thresholds.TABLE_FREEDOM
 
 
 def _look(problem: Problem, start: Fit, selected: list[Selected], say: Say, least: float = 0.0) -> Unmodelled | None:
     """The best port and form beside the terms of `start`; None: nothing takes HOLDS of what it leaves."""
-    places = _places(problem, start)
+    places = _places(problem, start, least)
     if not places:
         return None
     answer = partial(_answer, problem, start, selected)
@@ -151,15 +161,16 @@ def _much_better(other: Unmodelled, than: Unmodelled | None) -> bool:
     return 1 - other.taken < (1 - (than.taken if than else 0.0)) / thresholds.TIMES_LESS
 
 
-def _places(problem: Problem, start: Fit) -> list[Place]:
-    """Those to which the residual points first, by a few forms at every port."""
+def _places(problem: Problem, start: Fit, least: float) -> list[Place]:
+    """Those to which the residual points first, by a few forms at every port that is promising."""
+    ports = problem.plant.ports
+    outputs = problem.outputs(start.run, list(dict.fromkeys(s for port in ports for s in port.signals)))
+    every = [d for port in ports if (d := Dictionary(problem, start, port, outputs)).locals]
     places = []
-    for port in problem.plant.ports:
-        dictionary = Dictionary(problem, start, port)
-        if dictionary.locals:
-            columns = respond(problem, start, port, dictionary.first(dictionary.waves(start.residual)))
-            points = Projection(start, [c.vector for c in columns]).gain(range(len(columns)))[0]
-            places.append(Place(port, dictionary, points, columns, forward(problem, start, columns)))
+    enough = thresholds.ALONE if least else thresholds.HOLDS
+    for dictionary, columns in promising(problem, start, every, enough):
+        points = Projection(start, [c.vector for c in columns]).gain(range(len(columns)))[0]
+        places.append(Place(dictionary.port, dictionary, points, columns, forward(problem, start, columns)))
     return _distinguishable(sorted(places, key=lambda place: -place.points))
 
 

@@ -10,12 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.plant.at_once import in_processes
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.state_estimation.estimator import StateEstimator
 from cobot_joint.diagnosis.state_estimation.latents import structure, with_sizes
@@ -52,8 +54,12 @@ def predicted_figures(
     if any(states_of(system) is None for v in variants.values() for system in v.systems.values()):
         return dict.fromkeys(channels)
     errors: dict[str, dict[str, list[Array]]] = {channel: {name: [] for name in variants} for channel in channels}
+    every = [(recording, variant) for recording in recordings for variant in variants.values()]
+    done = iter(
+        in_processes(partial(predict, noise=noise, horizon=horizon), *zip(*every, strict=True)) if every else []
+    )
     for recording in recordings:
-        of_each = {name: predict(recording, variant, noise, horizon) for name, variant in variants.items()}
+        of_each = {name: next(done) for name in variants}
         lost = any(predicted.lost(recording, noise) for predicted in of_each.values())
         for name, predicted in of_each.items():
             for channel, series in (predicted.free if lost else predicted.anchored).items():

@@ -39,7 +39,8 @@ def test_a_units_speed_and_loads_are_found_whatever_they_are_called() -> None:
     found = dictionary()
     assert found.speeds == {"Winkel": "Drehzahl"}
     assert found.loads == ["M"]
-    forms = {str(product) for product in found.first([("Winkel", 3.0)])}
+    found.waves = [("Winkel", 3.0)]
+    forms = {str(product) for product in found.first()}
     assert {"1", "M", "M^2", "Drehzahl", "sgn(Drehzahl)", "abs(M)*sgn(Drehzahl)", "sin(3*Winkel)"} <= forms
     assert "sin(3*Winkel)*sgn(Drehzahl)" in forms
     assert {a.signal for a in arguments(found, 5)} == {"Drehzahl", "M", "Winkel", "t"}
@@ -47,7 +48,8 @@ def test_a_units_speed_and_loads_are_found_whatever_they_are_called() -> None:
 
 def test_a_form_reads_back_as_what_it_was_made_of_and_has_its_values() -> None:
     found = dictionary()
-    features = found.first([("Winkel", 3.0)]) | found.more([("Winkel", 2.0)])
+    found.waves = [("Winkel", float(n)) for n in range(1, 5)]
+    features = found.first() | found.more()
     assert len(features) > 20
     for product, by_recording in features.items():
         constant, factors = parse(str(product))

@@ -89,7 +89,7 @@ def test_where_a_filter_loses_its_way_the_free_run_counts_of_every_variant(monke
     recording = recorded(run(seconds=0.2))
     off = {"right": {"anchored": 0.0, "free": 1.0}, "lost": {"anchored": 9.0, "free": 2.0}}
 
-    def stated(_: Recording, variant: Variant, *more: object) -> Predicted:
+    def stated(recording: Recording, variant: Variant, **more: object) -> Predicted:
         by = off[str(variant.values["name"])]
         return Predicted(*({c: y + by[kind] * SIGMA[c] for c, y in recording.outputs.items()} for kind in by))
 

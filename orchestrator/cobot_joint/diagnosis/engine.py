@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.answer import diagnosis as anchored_diagnosis
-from cobot_joint.diagnosis.anchored.follow import can_follow, follow, motion_is_given
+from cobot_joint.diagnosis.anchored.follow import can_follow, follow, motion_is_given, where_it_lies
 from cobot_joint.diagnosis.anchored.search import Search
 from cobot_joint.diagnosis.budget import Budget
 from cobot_joint.diagnosis.candidates.scan_ranges import driven
@@ -50,6 +50,7 @@ class Explanation:
     anchored: Search | None = None  # what the recorded motion says, where no model fits to the noise
     misread: Misread | None = None  # a channel whose log explains more than any of these
     outside: Outside | None = None  # a base parameter beyond its tolerance that leaves no more than listed terms
+    background: list[dict[str, object]] = field(default_factory=list)  # where the rest lies, if nothing has a name
 
 
 def diagnose(
@@ -151,7 +152,7 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     found = _selected(campaign, problem, calibrated, scan, say, store)
     if misread and misread.beats(problem, found.fit):
         return Explanation(found.calibrated, found.calibrated, found.selection.up_to(0), [], misread=misread)
-    if found.unmodelled or found.anchored:
+    if found.unmodelled or found.anchored or found.background:
         return found
     select = Selector(problem, scan, say).select
     outside = problem.budget.spend(
@@ -207,29 +208,23 @@ def _beyond_the_list(
     """What listed terms leave: to a formula that leaves nothing, to the recorded motion, to a formula, or to nothing.
 
     Beside a background a formula has to be predicted to take as much as listed terms take, and most of it. Where motion
-    is an input, free runs lose nothing: the recorded motion is asked first, then formulas compete as listed terms do.
+    is an input, free runs lose nothing, and nothing is named along the recorded motion: it says where the rest lies.
     """
     calibrated = listed.history[0]
     left, before = problem.excess(listed.fit.residual), problem.excess(calibrated.residual)
-    takes_most, given = _takes_most(problem, listed), motion_is_given(campaign)
-    much, follows = _much_is_left(problem, listed), can_follow(campaign, problem.plant)
+    follows, given = can_follow(campaign, problem.plant), motion_is_given(campaign)
+    takes_most, much = _takes_most(problem, listed), _much_is_left(problem, listed)
     background = takes_most or (follows and not given)
     least = max(thresholds.ALONE, 1 - left / max(before, 1e-9)) if background else 0.0
-
-    def follow_them() -> Search | None:
-        asked = much and follows and not takes_most
-        return problem.budget.spend("the recorded motion", along) if asked else None
-
-    along = partial(_followed, campaign, problem, listed, say, store)
+    spend = problem.budget.spend
     formula = partial(look_for_unmodelled, problem, calibrated, listed, say, least)
-    found = follow_them() if given else None
-    if found and found.claims:
-        return Explanation(calibrated, listed.fit, listed, [], anchored=found)
-    unmodelled = problem.budget.spend("formulas", formula) if much else None
+    unmodelled = spend("formulas", formula) if much else None
     if unmodelled and (not background or _leaves_nothing(problem, unmodelled)):
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
-    found = found if given else follow_them()
-    stands = listed.selected if left < thresholds.REMAINDER * before or (given and not takes_most) else []
+    asked = much and follows and not given and not takes_most
+    along = partial(_followed, campaign, problem, listed, say, store)
+    found = spend("the recorded motion", along) if asked else None
+    stands = listed.selected if left < thresholds.REMAINDER * before else []
     if found and stands and found.supports(stands[0].term):
         return Explanation(calibrated, listed.fit, listed, stands, anchored=found)
     if unmodelled and unmodelled.taken > thresholds.ENOUGH and not (takes_most or (found and found.claims)):
@@ -237,7 +232,9 @@ def _beyond_the_list(
     if found and (found.named or not stands):
         return Explanation(calibrated, listed.fit, listed, [], anchored=found)
     kept = prune(problem, listed)
-    return Explanation(calibrated, kept.fit, listed, kept.selected)
+    lies = partial(where_it_lies, campaign, problem.plant, calibrated.run.values, say)
+    rest = spend("where the rest lies", lies) if much and follows and not kept.selected else None
+    return Explanation(calibrated, kept.fit, listed, kept.selected, background=rest or [])
 
 
 def _followed(campaign: Campaign, problem: Problem, listed: Selection, say: Progress, store: Store) -> Search | None:
@@ -313,6 +310,7 @@ def _answer(problem: Problem, explanation: Explanation) -> Diagnosis:
         repaired=repaired,
         misreading=misread.told(problem) if misread else None,
         ranking=explanation.selection.ranking,
+        background=explanation.background,
         structure={
             "calibrated": problem.excess(before.residual),
             "repaired": left,

@@ -34,8 +34,9 @@ MOST_NAMES = 4  # that one finding may carry: the scorers' rule, ../shared/score
 
 # -- which fits are tried (they decide what is looked at)
 PROMISING_SHAPE = 0.1  # of the best gain, that a term needs for other shapes to be tried: true ones had 0.39 [count]
-# A load needs the next share of all above noise, a further term of what is left; true further terms had 0.95 or more,
-# beside a background the best had 0.05 [naming].
+# A load needs the next share of all above noise, as a term does for its onset to be refined (an onset follows a
+# background, too), a further term of what is left; true further terms had 0.95 or more, beside a background the best
+# had 0.05 [naming].
 WORTH_FITTING = 0.3  # of the best predicted gain, that a term needs to be fitted: true ones had 0.39 [count]
 ABREAST = 0.9  # of it, from which on twice as many are: their order says little [naming]
 CLOSE = 0.98  # of a predicted gain that was kept, from which on another is tried all the same [naming]

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 
 from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis.anchored.search import Progress, Search, Searcher
 from cobot_joint.diagnosis.anchored.tracks import Tracker
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
-from cobot_joint.diagnosis.plant.plant import SPEEDS, Plant
+from cobot_joint.diagnosis.plant.plant import SPEEDS, Plant, TermCandidate
 from cobot_joint.diagnosis.state_estimation.noise import noise_of
 from cobot_joint.diagnosis.state_estimation.states import states_of
 
@@ -30,13 +31,35 @@ def motion_is_given(campaign: Campaign) -> bool:
 
 def follow(campaign: Campaign, plant: Plant, say: Progress, in_runs: Collection[str]) -> Search | None:
     """None: none of the recordings can be followed. The plant is one that `can_follow`. in_runs: see Searcher."""
-    assert isinstance(plant, FmuPlant)
-    bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
-    bounds = {name: (low, high) for name, (low, high) in bounds.items() if low < high}
     terms = [t for t in plant.terms if any(plant.has(t.name, r) for r in campaign.train)]
-    with Tracker(plant, campaign.train, noise_of(campaign)) as tracker:
+    with _searcher(campaign, plant, terms, say, in_runs) as searcher:
         try:
-            return Searcher(plant, tracker, bounds, terms, say, in_runs).search()
+            return searcher.search()
         except SimulationError as error:
             say(f"the recordings cannot be followed: {error}")
             return None
+
+
+def where_it_lies(
+    campaign: Campaign, plant: Plant, values: Mapping[str, float], say: Progress
+) -> list[dict[str, object]]:
+    """What the system with these values leaves along the recorded motion, by port and variable, as `discrepancy` of
+    diagnosis.json; empty: none of the recordings can be followed. The plant is one that `can_follow`."""
+    say("asking the recorded motion where the rest lies")
+    with _searcher(campaign, plant, [], say, ()) as searcher:
+        try:
+            return searcher.background(values)
+        except SimulationError as error:
+            say(f"the recordings cannot be followed: {error}")
+            return []
+
+
+@contextmanager
+def _searcher(
+    campaign: Campaign, plant: Plant, terms: Sequence[TermCandidate], say: Progress, in_runs: Collection[str]
+) -> Iterator[Searcher]:
+    assert isinstance(plant, FmuPlant)
+    bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
+    bounds = {name: (low, high) for name, (low, high) in bounds.items() if low < high}
+    with Tracker(plant, campaign.train, noise_of(campaign)) as tracker:
+        yield Searcher(plant, tracker, bounds, terms, say, in_runs)

@@ -134,8 +134,12 @@ class Searcher:
                 break
             found, at = more
         found.repaired = self._estimates(found, at)
-        found.background = _background(at, self.plant)
+        found.background = _background(at, self.plant, self.tracker.alike)
         return found
+
+    def background(self, values: Mapping[str, float]) -> list[dict[str, object]]:
+        """What the system with these values leaves, without a search. SimulationError: as above."""
+        return _background(self._follow(Search(dict(values))), self.plant, self.tracker.alike)
 
     def _added(self, found: Search, at: Beside, named: Named) -> tuple[Search, Beside] | None:
         """With a term switched on; None: the recordings are less likely then, its linear share notwithstanding."""
@@ -350,10 +354,11 @@ def _where(at: Beside, predicted: NDArray[np.float64]) -> dict[str, object]:
             "time": [float(time[rows.start]), float(time[rows.stop - 1])]}  # fmt: skip
 
 
-def _background(at: Beside, plant: FmuPlant) -> list[dict[str, object]]:
+def _background(at: Beside, plant: FmuPlant, alike: Mapping[str, Sequence[str]]) -> list[dict[str, object]]:
     """How large what was given no name is at each port: over the unit's own speed and load, and over time.
 
-    share: of what repeats over speed and load, by the chi-square that it takes from the innovations.
+    share: of what repeats over speed and load, by the chi-square that it takes from the innovations. alike: port ->
+    other components in which the same would do the same.
     """
     units = {port.name: (port.unit, {s: _variable(plant, s) for s in port.signals}) for port in plant.ports}
     thetas = [at.regression.theta[place] for place in at.regression.places]
@@ -363,7 +368,8 @@ def _background(at: Beside, plant: FmuPlant) -> list[dict[str, object]]:
         rms = float(np.sqrt(np.mean((group.signals @ theta) ** 2)))
         unit, variables = units[group.port]
         row = {"port": group.port, "variable": variables.get(group.variable, "load"), "rms": rms, "unit": unit}
-        found.append({**row, "share": round(taken / max(sum(chi2), 1e-300), 3)})
+        row |= {"alike": list(alike[group.port])} if alike.get(group.port) else {}
+        found.append({**row, "share": round(taken / max(sum(chi2), 1.0), 3)})
     for port in dict.fromkeys(name for t in at.trackings for name in t.estimator.ports):
         sizes = [[latent.sigma for latent in t.estimator.latents if latent.port == port] for t in at.trackings]
         rms = float(np.sqrt(np.mean([np.sum(np.square(s)) for s in sizes if s])))

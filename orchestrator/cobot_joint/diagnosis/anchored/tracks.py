@@ -40,6 +40,17 @@ class Tracker:
         self._systems.close()
         self._before.close()
 
+    @property
+    def alike(self) -> dict[str, list[str]]:
+        """Port -> other components in which a force would do the same, in every set-up that has it."""
+        found: dict[str, list[str]] = {}
+        for known in self._structures.values():
+            for port, others in known.alike.items():
+                names = [name.split(".")[0] for name in others]
+                names = [n for n in dict.fromkeys(names) if n != port.split(".")[0]]
+                found[port] = [n for n in found.get(port, names) if n in names]
+        return found
+
     def follow(self, values: Mapping[str, Value], onsets: Mapping[str, float] | None = None) -> list[Tracking]:
         """With `component.variable` values, of which some hold from an onset on, s. What was found the time before last
         is closed.

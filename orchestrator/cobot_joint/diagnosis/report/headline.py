@@ -9,6 +9,7 @@ from typing import Any
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.repair.gate import fails, removed
+from cobot_joint.diagnosis.report.localization_words import listed
 from cobot_joint.diagnosis.report.words import load_history, misread
 from cobot_joint.diagnosis.selection.confidence import counted
 
@@ -46,7 +47,8 @@ def verdict_sentence(d: Json, terms: Mapping[str, TermText]) -> str:
         takes = f"which alone takes {percent(m['takes'])} of the difference"
         return f"Undecided: {misread(m)}, {takes}, or the machine lacks something."
     if not findings:
-        return "The recordings differ from the system by more than noise and tolerances, and no explanation stands out."
+        said = "The recordings differ from the system by more than noise and tolerances, and no explanation stands out"
+        return f"{said}{_largest(d.get('discrepancy') or [])}."
     if d.get("repair") == "withheld":
         worse = "fits no better than a re-fit" if fails(d["channels"]) == "train" else "fits, but does not predict"
         return f"Undecided: {_suspects(findings, terms)} {worse}: the repair is withheld."
@@ -69,15 +71,14 @@ def verdict_sentence(d: Json, terms: Mapping[str, TermText]) -> str:
 
 def _largest(discrepancy: Sequence[Json]) -> str:
     """Where most of a background lies, as far as it repeats; "": it is spread."""
-    row = max(discrepancy, key=lambda row: row.get("share", 0.0))
+    row = max(discrepancy, key=lambda row: row.get("share", 0.0), default={})
     if row.get("share", 0.0) < thresholds.HOLDS:
         return ""
     component, port = row["port"].split(".", 1)
+    place = listed([component, *row.get("alike", ())], "or")
     over = {"w": "speed", "phi": "angle"}.get(row["variable"], row["variable"])
     size = f"{number(row['rms'])} {pretty_unit(row['unit'])} rms at {port}"
-    return (
-        f"; {percent(row['share'])} of what repeats over speed and load lies in {component}, over its {over} ({size})"
-    )
+    return f"; {percent(row['share'])} of what repeats over speed and load lies in {place}, over its {over} ({size})"
 
 
 def _suspects(findings: Sequence[Json], terms: Mapping[str, TermText]) -> str:

@@ -87,7 +87,8 @@ class Competition:
     def with_best_onset(self, best: Fit, active: ActiveTerm, lowest: float = np.inf) -> Fit | None:
         """The term from the start, and, where the score test says so, from later on: the better fit of both.
 
-        lowest: cost of another term's fit; where this one comes nowhere near it, its onset need not be exact.
+        lowest: cost of another term's fit; where this one comes nowhere near it, or takes little of what is above
+        noise, its onset need not be exact.
         """
         active = self.sized(best, active)
         found = fit_added(self.problem, best, [replace(active, onset=None)], ROUGH)
@@ -98,8 +99,10 @@ class Competition:
             if later is None or (found is not None and found.cost <= later.cost):
                 return found
             found = later
-        hopeless = found is None or found.cost - lowest > thresholds.HOPELESS * (best.cost - lowest)
-        return found if found is None or hopeless else self.with_onset(found)
+        if found is None or found.cost - lowest > thresholds.HOPELESS * (best.cost - lowest):
+            return found
+        little = best.cost - found.cost < thresholds.WORTH_FITTING * (best.chi2 - self.problem.samples)
+        return found if little and not active.term.episode else self.with_onset(found)
 
     def setting_in(self, best: Fit, ranked: Sequence[Score], onset: float) -> Fit | None:
         """The best of the first few beside `best`, each off until about `onset`. None: none can be simulated."""

@@ -14,6 +14,7 @@ NONSENSE = [
     ("motor_bldc", "rise", -1e6),
     ("motor_bldc", "J_coupled", -1e-6),
     ("motor_bldc", "torque_saturation.s", -1e-3),
+    ("motor_bldc", "dead_time.V", -0.1),
     ("mr_brake_belt", "tau_m", -1.0),
     ("mr_brake_belt", "E", -1.0),
     ("mr_brake_belt", "z_h", 1.5),

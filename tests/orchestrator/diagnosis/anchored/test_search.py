@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
 
 from cobot_joint.diagnosis.anchored.search import Search, Searcher
 from cobot_joint.diagnosis.anchored.tracks import Tracker
+from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.system.read import load_system
 from tests.orchestrator.diagnosis.state_estimation.rig import NOISE, clock, recorded, run
@@ -33,15 +35,20 @@ def background(values: Mapping[str, float]) -> dict[str, np.ndarray]:
     }
 
 
-def search(values: Mapping[str, float]) -> Search:
-    recording = recorded(run(values, background(values), seconds=SECONDS))
+@contextmanager
+def searcher(recording: Recording) -> Iterator[Searcher]:
     with FmuPlant({"loaded": load_system("joint_logged")}) as plant, Tracker(plant, [recording], NOISE) as tracker:
         bounds = {}
         for name in BOUNDS:
             nominal = plant.parameters[name].nominal
             bounds[name] = 0.9 * nominal, 1.1 * nominal
         terms = [t for t in plant.terms if t.name.split(".")[1] in SOME]
-        return Searcher(plant, tracker, bounds, terms, lambda words: None, [t.name for t in terms]).search()
+        yield Searcher(plant, tracker, bounds, terms, lambda words: None, [t.name for t in terms])
+
+
+def search(values: Mapping[str, float]) -> Search:
+    with searcher(recorded(run(values, background(values), seconds=SECONDS))) as found:
+        return found.search()
 
 
 def test_a_background_alone_is_given_no_name() -> None:
@@ -73,3 +80,17 @@ def test_a_base_parameter_outside_its_tolerance_is_named_itself() -> None:
     assert [named.name for named in found.named] == ["motor_bldc.winding.R"]
     assert found.repaired["motor_bldc.winding.R"].value == pytest.approx(0.209 * 1.35, rel=0.03)
     assert found.calibrated["motor_bldc.winding.R"].value <= 0.209 * 1.1 + 1e-12
+
+
+def test_without_a_search_the_rest_lies_where_it_was_put() -> None:
+    w = run({}, seconds=SECONDS).signals["motor_bldc.w"]
+    drag = {"motor_bldc.tau_add": -8e-4 * np.exp(-(((w - 150) / 60) ** 2))}
+    with searcher(recorded(run({}, drag, seconds=SECONDS))) as found:
+        most = max(found.background({}), key=lambda row: float(str(row.get("share", 0.0))))
+    assert (most["port"], most["variable"], most["alike"]) == ("motor_bldc.tau_add", "w", ["planetary_gear"])
+    assert float(str(most["share"])) > 0.8
+
+
+def test_where_nothing_is_left_no_place_has_a_share_of_it() -> None:
+    with searcher(recorded(run({}, seconds=SECONDS))) as found:
+        assert all(float(str(row.get("share", 0.0))) < 0.5 for row in found.background({}))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from cobot_joint.cosim import Experiment, Simulation
+from cobot_joint.diagnosis.candidates.formulas import Dictionary
 from cobot_joint.diagnosis.data.campaign import Campaign, load_campaign
 from cobot_joint.diagnosis.engine import diagnose_plant
 from cobot_joint.diagnosis.estimation.calibrate import calibrate
@@ -90,6 +91,17 @@ def test_a_form_that_takes_nearly_all_is_an_answer_however_little_its_jacobian_p
     assert found.finding.shape is not None
     assert [str(f.form) for f in found.finding.shape.features] == ["w^3"]
     assert found.taken > 0.97
+
+
+def test_where_no_form_does_in_one_recording_the_others_are_not_simulated() -> None:
+    t = np.arange(SAMPLES) * STEP
+    case = concealed(lambda w, phi: 2e-3 * np.sin(9 * t) + 2e-3 * np.sin(14 * t + 1))
+    problem, calibrated = calibrate(case, Axis(), lambda words: None, Store(None))
+    forms = len(Dictionary(problem, calibrated, Axis.ports[0]).first())
+    before = problem.runs
+    assert len(problem.recordings) > 1
+    assert look_for_unmodelled(problem, calibrated, Selection([calibrated]), lambda words: None, 0.8) is None
+    assert problem.runs - before == forms
 
 
 def test_where_no_formula_holds_the_shape_is_a_table() -> None:

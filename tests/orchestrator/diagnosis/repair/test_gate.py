@@ -55,14 +55,18 @@ def test_a_withheld_repair_is_undecided_without_a_percentage_or_a_claim() -> Non
 
 @pytest.mark.parametrize(("share", "said"), [(0.8, "80 % of what repeats"), (0.4, "")])
 def test_a_background_is_said_to_lie_where_most_of_it_does(share: float, said: str) -> None:
-    rows = [
+    rows: list[dict[str, object]] = [
         {"port": "brake.tau_add", "variable": "w", "rms": 0.0114, "unit": "N.m", "share": share},
         {"port": "motor.tau_add", "variable": "load", "rms": 1e-5, "unit": "N.m", "share": 0.2},
         {"port": "motor.tau_add", "variable": "time", "rms": 1e-4, "unit": "N.m"},
     ]
-    sentence = verdict_sentence(Diagnosis("nothing_missing", [], {}, {}, background=rows).to_json(), {})
-    assert said in sentence
-    assert ("lies in brake, over its speed (0.0114 N.m rms at tau_add)" in sentence) == bool(said)
+    for verdict in ("nothing_missing", "undecided"):
+        sentence = verdict_sentence(Diagnosis(verdict, [], {}, {}, background=rows).to_json(), {})
+        assert said in sentence
+        assert ("lies in brake, over its speed (0.0114 N.m rms at tau_add)" in sentence) == bool(said)
+    rows[0]["alike"] = ["belt"]
+    sentence = verdict_sentence(Diagnosis("undecided", [], {}, {}, background=rows).to_json(), {})
+    assert ("lies in brake or belt, over its speed" in sentence) == bool(said)
 
 
 def test_a_base_parameter_outside_its_tolerance_that_does_not_predict_is_refuted_and_not_listed() -> None:

@@ -152,7 +152,7 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     found = _selected(campaign, problem, calibrated, scan, say, store)
     if misread and misread.beats(problem, found.fit):
         return Explanation(found.calibrated, found.calibrated, found.selection.up_to(0), [], misread=misread)
-    if found.unmodelled or found.anchored or found.background:
+    if found.unmodelled or found.anchored or (found.background and not found.selected):
         return found
     select = Selector(problem, scan, say).select
     outside = problem.budget.spend(
@@ -208,7 +208,8 @@ def _beyond_the_list(
     """What listed terms leave: to a formula that leaves nothing, to the recorded motion, to a formula, or to nothing.
 
     Beside a background a formula has to be predicted to take as much as listed terms take, and most of it. Where motion
-    is an input, free runs lose nothing, and nothing is named along the recorded motion: it says where the rest lies.
+    is an input, free runs lose nothing: the listed term that does best there is said to come nearest, and the recorded
+    motion says where the rest lies.
     """
     calibrated = listed.history[0]
     left, before = problem.excess(listed.fit.residual), problem.excess(calibrated.residual)
@@ -231,9 +232,9 @@ def _beyond_the_list(
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
     if found and (found.named or not stands):
         return Explanation(calibrated, listed.fit, listed, [], anchored=found)
-    kept = prune(problem, listed)
-    lies = partial(where_it_lies, campaign, problem.plant, calibrated.run.values, say)
-    rest = spend("where the rest lies", lies) if much and follows and not kept.selected else None
+    kept = worth_naming(problem, calibrated, listed) if given else prune(problem, listed)
+    lies = partial(where_it_lies, campaign, problem.plant, kept.fit.run, say)
+    rest = spend("where the rest lies", lies) if given and much and follows and not takes_most else None
     return Explanation(calibrated, kept.fit, listed, kept.selected, background=rest or [])
 
 

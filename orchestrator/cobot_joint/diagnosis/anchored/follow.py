@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 
 from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis.anchored.search import Progress, Search, Searcher
 from cobot_joint.diagnosis.anchored.tracks import Tracker
 from cobot_joint.diagnosis.data.campaign import Campaign
+from cobot_joint.diagnosis.estimation.problem import Run
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import SPEEDS, Plant, TermCandidate
 from cobot_joint.diagnosis.state_estimation.noise import noise_of
@@ -40,15 +41,13 @@ def follow(campaign: Campaign, plant: Plant, say: Progress, in_runs: Collection[
             return None
 
 
-def where_it_lies(
-    campaign: Campaign, plant: Plant, values: Mapping[str, float], say: Progress
-) -> list[dict[str, object]]:
-    """What the system with these values leaves along the recorded motion, by port and variable, as `discrepancy` of
+def where_it_lies(campaign: Campaign, plant: Plant, run: Run, say: Progress) -> list[dict[str, object]]:
+    """What the system with a run's values leaves along the recorded motion, by port and variable, as `discrepancy` of
     diagnosis.json; empty: none of the recordings can be followed. The plant is one that `can_follow`."""
     say("asking the recorded motion where the rest lies")
     with _searcher(campaign, plant, [], say, ()) as searcher:
         try:
-            return searcher.background(values)
+            return searcher.background(run.values, run.onsets)
         except SimulationError as error:
             say(f"the recordings cannot be followed: {error}")
             return []

@@ -137,9 +137,10 @@ class Searcher:
         found.background = _background(at, self.plant, self.tracker.alike)
         return found
 
-    def background(self, values: Mapping[str, float]) -> list[dict[str, object]]:
-        """What the system with these values leaves, without a search. SimulationError: as above."""
-        return _background(self._follow(Search(dict(values))), self.plant, self.tracker.alike)
+    def background(self, values: Mapping[str, float], onsets: Mapping[str, float]) -> list[dict[str, object]]:
+        """What the system with these values, some from an onset on, leaves, without a search. SimulationError: as
+        above."""
+        return _background(self._follow(Search(dict(values), dict(onsets))), self.plant, self.tracker.alike)
 
     def _added(self, found: Search, at: Beside, named: Named) -> tuple[Search, Beside] | None:
         """With a term switched on; None: the recordings are less likely then, its linear share notwithstanding."""

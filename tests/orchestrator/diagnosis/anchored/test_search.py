@@ -86,11 +86,11 @@ def test_without_a_search_the_rest_lies_where_it_was_put() -> None:
     w = run({}, seconds=SECONDS).signals["motor_bldc.w"]
     drag = {"motor_bldc.tau_add": -8e-4 * np.exp(-(((w - 150) / 60) ** 2))}
     with searcher(recorded(run({}, drag, seconds=SECONDS))) as found:
-        most = max(found.background({}), key=lambda row: float(str(row.get("share", 0.0))))
+        most = max(found.background({}, {}), key=lambda row: float(str(row.get("share", 0.0))))
     assert (most["port"], most["variable"], most["alike"]) == ("motor_bldc.tau_add", "w", ["planetary_gear"])
     assert float(str(most["share"])) > 0.8
 
 
 def test_where_nothing_is_left_no_place_has_a_share_of_it() -> None:
     with searcher(recorded(run({}, seconds=SECONDS))) as found:
-        assert all(float(str(row.get("share", 0.0))) < 0.5 for row in found.background({}))
+        assert all(float(str(row.get("share", 0.0))) < 0.5 for row in found.background({}, {}))

@@ -30,6 +30,7 @@ from cobot_joint.diagnosis.selection.external_loads import look_for_external_loa
 from cobot_joint.diagnosis.selection.misreading import Misread, look_for_misreading
 from cobot_joint.diagnosis.selection.mistimed import look_for_mistiming
 from cobot_joint.diagnosis.selection.outside import Outside, look_outside
+from cobot_joint.diagnosis.selection.some_recordings import some_of
 from cobot_joint.diagnosis.selection.stepwise import Selected, Selection, Selector, prune, worth_naming
 from cobot_joint.diagnosis.selection.unmodelled import Unmodelled, look_for_unmodelled
 from cobot_joint.diagnosis.store import Store
@@ -142,10 +143,7 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
         return _selected(campaign, problem, calibrated, scan, say, store)
     say("asking the channels for gains, offsets and delays")
 
-    def look() -> Misread | None:
-        return look_for_misreading(problem, calibrated) or look_for_mistiming(problem, calibrated)
-
-    asked = partial(store.remember, "misread", _basis(campaign), look)
+    asked = partial(store.remember, "misread", _basis(campaign), lambda: _misread(problem, calibrated))
     misread = problem.budget.spend("gains, offsets and delays of channels", asked)
     if misread and misread.explains(problem) and not misread.rivalled(problem, calibrated, scan):
         return Explanation(calibrated, calibrated, Selection([calibrated]), [], misread=misread)
@@ -162,6 +160,16 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     if outside is None:
         return found
     return Explanation(found.calibrated, outside.fit, outside.selection, outside.selection.selected, outside=outside)
+
+
+def _misread(problem: Problem, calibrated: Fit) -> Misread | None:
+    """A channel's gain and offset, or its stamps; of many recordings some are asked first."""
+
+    def look(at: Problem, fit: Fit) -> Misread | None:
+        return look_for_misreading(at, fit) or look_for_mistiming(at, fit)
+
+    some, there = some_of(problem, calibrated)
+    return look(problem, calibrated) if some is problem or look(some, there) else None
 
 
 def _selected(
@@ -215,7 +223,7 @@ def _beyond_the_list(
     left, before = problem.excess(listed.fit.residual), problem.excess(calibrated.residual)
     follows, given = can_follow(campaign, problem.plant), motion_is_given(campaign)
     takes_most, much = _takes_most(problem, listed), _much_is_left(problem, listed)
-    background = takes_most or (follows and not given)
+    background = takes_most or follows
     least = max(thresholds.ALONE, 1 - left / max(before, 1e-9)) if background else 0.0
     spend = problem.budget.spend
     formula = partial(look_for_unmodelled, problem, calibrated, listed, say, least)
@@ -233,7 +241,8 @@ def _beyond_the_list(
     if found and (found.named or not stands):
         return Explanation(calibrated, listed.fit, listed, [], anchored=found)
     kept = worth_naming(problem, calibrated, listed) if given else prune(problem, listed)
-    lies = partial(where_it_lies, campaign, problem.plant, kept.fit.run, say)
+    some = replace(campaign, recordings=some_of(problem, calibrated)[0].recordings)
+    lies = partial(where_it_lies, some, problem.plant, kept.fit.run, say)
     rest = spend("where the rest lies", lies) if given and much and follows and not takes_most else None
     return Explanation(calibrated, kept.fit, listed, kept.selected, background=rest or [])
 

@@ -34,9 +34,8 @@ MOST_NAMES = 4  # that one finding may carry: the scorers' rule, ../shared/score
 
 # -- which fits are tried (they decide what is looked at)
 PROMISING_SHAPE = 0.1  # of the best gain, that a term needs for other shapes to be tried: true ones had 0.39 [count]
-# A load needs the next share of all above noise, as a term does for its onset to be refined (an onset follows a
-# background, too), a further term of what is left; true further terms had 0.95 or more, beside a background the best
-# had 0.05 [naming].
+# A load needs the next share of all above noise, as a term does for its onset to be refined: an onset follows a
+# background, too [naming].
 WORTH_FITTING = 0.3  # of the best predicted gain, that a term needs to be fitted: true ones had 0.39 [count]
 ABREAST = 0.9  # of it, from which on twice as many are: their order says little [naming]
 CLOSE = 0.98  # of a predicted gain that was kept, from which on another is tried all the same [naming]
@@ -51,7 +50,9 @@ REMAINDER = 0.1  # of the excess before, left by one term, below which the list 
 TERMS_STAND = 0.15  # of it, up to which listed terms stand, though the form of one may be somewhat off [naming]
 TIMES_LESS = 3.0  # per feature, that a formula must leave in place of one listed term; a table than a formula [naming]
 NO_PROOF = 0.02  # of the excess before, below which leaving less proves nothing [naming]
-HOLDS = 0.5  # of the remainder, that a form must take to be an answer, and a later term: a patch takes less [naming]
+# Of the remainder, that a form must take to be an answer, and a later term, which must be predicted to: a patch takes
+# less. True later terms were predicted to take 0.95 or more, beside a background the best 0.05 [naming].
+HOLDS = 0.5
 ALONE = 0.8  # of it, for a form or a load that needs no listed term beside it: terms would patch it [naming]
 ENOUGH = 0.97  # of it, from which on no further forms or arguments are tried [naming]
 TABLE_FREEDOM = 4  # features that a smooth table counts for: its effective degrees of freedom [naming]

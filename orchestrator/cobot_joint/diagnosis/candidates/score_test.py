@@ -251,6 +251,7 @@ class ScoreTest:
 
     def __init__(self, problem: Problem, fit: Fit, columns: Sequence[Column]) -> None:
         self.columns = columns
+        self.onsets = problem.onsets
         self.x = fit.x
         coordinates = fit.hypothesis.coordinates
         self.prior = fit.hypothesis.prior
@@ -277,7 +278,7 @@ class ScoreTest:
         for column in self.columns:
             own = np.arange(at, at + len(column.vectors))
             at += len(own)
-            for window, active in _windows(column.term, self.grams, self.width):
+            for window, active in _windows(column.term, self.grams, self.width, self.onsets):
                 gain, amplitude = settled.gain(whole, active, own)
                 gain -= thresholds.LATER if window is not None and not column.term.episode else 0.0
                 score = _score(column, amplitude, gain, window, self.width)
@@ -320,7 +321,9 @@ class _Settled:
         return float(gradient @ step) - self.decrease, step[-k:]
 
 
-def _windows(term: TermCandidate, grams: Vector, width: float) -> Iterator[tuple[tuple[float, float] | None, Vector]]:
+def _windows(
+    term: TermCandidate, grams: Vector, width: float, onsets: bool
+) -> Iterator[tuple[tuple[float, float] | None, Vector]]:
     """((from, to), Gram matrix over that time); None: always. A term with a from and a to is scanned as windows."""
     if term.episode:
         for length in (1, 2, 4):
@@ -329,7 +332,7 @@ def _windows(term: TermCandidate, grams: Vector, width: float) -> Iterator[tuple
         return
     later = np.cumsum(grams[::-1], axis=0)[::-1]
     yield None, later[0]
-    for start in range(1, SEGMENTS - 1):
+    for start in range(1, SEGMENTS - 1) if onsets else ():
         yield (start * width, np.inf), later[start]
 
 

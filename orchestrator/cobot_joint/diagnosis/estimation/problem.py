@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
@@ -21,6 +21,7 @@ from cobot_joint.diagnosis.plant.plant import Plant, Signals, SimulationError
 Vector = NDArray[np.float64]
 BLOCK = 16  # samples
 STRETCHES = 16  # of a recording: of a second for one of 16 s, longer than what is left mostly remembers
+FEW = 4  # recordings
 ROUGH, SMOOTH = 0.15, 0.02  # impacts in a gap make single runs rough; amplitudes at a frequency are smooth
 
 
@@ -168,7 +169,7 @@ class Problem:
         self.noise = dict(noise)
         self.jobs = jobs
         self.step = step
-        self.runs = 0
+        self._runs = [0]  # which a part counts on
         self.watch: Callable[[int, int], None] | None = None  # told of simulations done, of how many asked for at once
         self.budget = Budget()
         self._took = [0.0 for _ in self.recordings]  # s; that a simulation took the last time
@@ -186,6 +187,11 @@ class Problem:
         self.recorded = self.whiten([r.outputs for r in self.recordings])
 
     @property
+    def runs(self) -> int:
+        """Simulations so far, one per recording."""
+        return self._runs[0]
+
+    @property
     def samples(self) -> int:
         """Rows that carry data."""
         return int(sum(block.weight.sum() for block in self.blocks))
@@ -194,6 +200,11 @@ class Problem:
     def evidence(self) -> float:
         """Chi-square that a term must take."""
         return thresholds.EVIDENCE_IN_TABLE if self.is_table else thresholds.EVIDENCE
+
+    @property
+    def onsets(self) -> bool:
+        """Whether an effect may set in at a time: not at the same in each of many recordings."""
+        return len(self.recordings) <= FEW
 
     @property
     def is_table(self) -> bool:
@@ -249,7 +260,7 @@ class Problem:
                 outputs[k][n] = found
                 if self.watch:
                     self.watch(count, len(jobs))
-        self.runs += len(jobs)
+        self._runs[0] += len(jobs)
         return [self._complete(found) for found in outputs]
 
     def _complete(self, outputs: Sequence[Signals | None]) -> Simulated | None:
@@ -318,6 +329,23 @@ class Problem:
         for block in self.blocks:
             rows = block.rows.stop - block.rows.start
             found[block.rows] = STRETCHES * block.recording + np.arange(rows) * STRETCHES // rows
+        return found
+
+    def above_noise(self, residual: Vector) -> Vector:
+        """Chi-square beyond the number of samples: (recordings,)"""
+        above = np.zeros(len(self.recordings))
+        for block in self.blocks:
+            above[block.recording] += residual[block.rows] @ residual[block.rows] - block.weight.sum()
+        return above
+
+    def rows_of(self, recordings: Collection[int]) -> NDArray[np.intp]:
+        """The rows that some recordings have, by number."""
+        return np.concatenate([np.r_[b.rows] for b in self.blocks if b.recording in recordings])
+
+    def part(self, recordings: Sequence[int]) -> Problem:
+        """The same with some of the recordings, by number."""
+        found = Problem(self.plant, [self.recordings[n] for n in recordings], self.noise, self.jobs, self.step)
+        found.budget, found.watch, found._runs = self.budget, self.watch, self._runs
         return found
 
     def times(self) -> Vector:

@@ -176,10 +176,10 @@ class Selector:
         return ranked, found, None
 
     def _is_background(self, best: Fit, ranked: Sequence[Score]) -> bool:
-        """Whether no later term is predicted to come near what it must take: fits would be rejected as patches."""
+        """Whether no later term is predicted to take what it must: fits would be rejected as patches."""
         above = best.chi2 - self.problem.samples
         gain = max((s.gain for s in ranked), default=0.0)
-        if gain >= thresholds.WORTH_FITTING * above:
+        if gain >= thresholds.HOLDS * above:
             return False
         self.progress(f"the best further term is predicted to take {share(gain, above)} of what is left: a background")
         return True

@@ -126,7 +126,7 @@ def _look(problem: Problem, start: Fit, selected: list[Selected], say: Say, leas
             place.look_closer(problem, start)
         both = _best(places, answer), found if nearly_all else None
         found = max(filter(None, both), key=lambda unmodelled: unmodelled.finding.gain, default=None)
-    if found is None or found.taken < thresholds.ENOUGH:
+    if problem.onsets and (found is None or found.taken < thresholds.ENOUGH):
         say("forms that set in later")
         tried = [each for p in near if (each := look_late(problem, start, p.columns)) is not None]
         choice, onset = max(tried, key=lambda each: each[0].gain, default=(None, None))
@@ -167,8 +167,8 @@ def _places(problem: Problem, start: Fit, least: float) -> list[Place]:
     outputs = problem.outputs(start.run, list(dict.fromkeys(s for port in ports for s in port.signals)))
     every = [d for port in ports if (d := Dictionary(problem, start, port, outputs)).locals]
     places = []
-    enough = thresholds.ALONE if least else thresholds.HOLDS
-    for dictionary, columns in promising(problem, start, every, enough):
+    together = thresholds.ALONE if least else 0.0
+    for dictionary, columns in promising(problem, start, every, thresholds.HOLDS, together):
         points = Projection(start, [c.vector for c in columns]).gain(range(len(columns)))[0]
         places.append(Place(dictionary.port, dictionary, points, columns, forward(problem, start, columns)))
     return _distinguishable(sorted(places, key=lambda place: -place.points))

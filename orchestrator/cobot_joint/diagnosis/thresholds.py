@@ -20,7 +20,9 @@ EVIDENCE = 500.0  # chi-square that a term must take; linear scores of 400 healt
 EVIDENCE_IN_TABLE = (
     30.0  # of some tens of rows: BIC of three numbers, 10, and 2 ln of some 1000 shapes tried, 14, and more
 )
-WORTH = 0.1  # of what is above noise, that a first term must take, and a level of a variable hold [naming]
+# Of what is above noise, that a first term must take, and a level of a variable hold; and of what a late onset leaves,
+# by which it must beat being there from the start: true ones did by 0.5 of all above noise, others by 0.03 [naming].
+WORTH = 0.1
 INEXACT = 3e-5  # of what was taken before, that a later term must take: no form is known to half a percent [naming]
 STILL_NEEDED = 0.02  # of what an earlier term took, that it must take beside a later one [naming]
 LATER = 60.0  # chi-square by which a late onset must beat being there from the start: 16 onsets, two sigma each [count]

@@ -251,7 +251,7 @@ class ScoreTest:
 
     def __init__(self, problem: Problem, fit: Fit, columns: Sequence[Column]) -> None:
         self.columns = columns
-        self.onsets = problem.onsets
+        self.onsets, self.samples = problem.onsets, problem.samples
         self.x = fit.x
         coordinates = fit.hypothesis.coordinates
         self.prior = fit.hypothesis.prior
@@ -271,7 +271,7 @@ class ScoreTest:
         """Best first, one per term."""
         for gram, part, rows in zip(self.grams, self.parts, self.rows, strict=True):
             gram[0, 1:] = gram[1:, 0] = part.T @ residual[rows]
-        whole, base = self.grams.sum(axis=0), len(self.x)
+        whole, base, above = self.grams.sum(axis=0), len(self.x), float(residual @ residual) - self.samples
         settled = self._settled(whole[: base + 1, : base + 1])
         best: dict[str, Score] = {}
         at = base + 1
@@ -280,7 +280,8 @@ class ScoreTest:
             at += len(own)
             for window, active in _windows(column.term, self.grams, self.width, self.onsets):
                 gain, amplitude = settled.gain(whole, active, own)
-                gain -= thresholds.LATER if window is not None and not column.term.episode else 0.0
+                if window is not None and not column.term.episode:
+                    gain -= max(thresholds.LATER, thresholds.WORTH * (above - gain))
                 score = _score(column, amplitude, gain, window, self.width)
                 if score and (column.term.name not in best or gain > best[column.term.name].gain):
                     best[column.term.name] = score

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cobot_joint.diagnosis.candidates.score_test import Scan, scores
+from cobot_joint.diagnosis.candidates.score_test import Scan, ScoreTest, scores
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit, fit_added
@@ -60,3 +60,18 @@ def test_a_term_that_sets_in_does_nothing_before() -> None:
     for vector in (v for c in columns for v in c.vectors):
         assert np.all(vector[problem.times() < 2.2] == 0)
         assert np.any(vector[problem.times() > 2.3] != 0)
+
+
+@pytest.mark.parametrize(("background", "onset"), [(0.0, 3.0), (30.0, None)])
+def test_beside_a_background_a_late_onset_must_take_a_share_of_what_it_leaves(
+    background: float, onset: float | None
+) -> None:
+    """background: chi-square over that of a term which is off for the first half of the runs."""
+    problem, base = refitted()
+    columns = [c for c in Scan(problem, TERMS).columns(base) if c.term.name == "axis.windage"]
+    effect = np.where(problem.times() < 3.0, 0.0, columns[0].vectors[0])
+    effect *= 100 / np.sqrt(effect @ effect)
+    noise = np.random.default_rng(1).normal(size=problem.rows)
+    noise *= np.sqrt(problem.samples + background * (effect @ effect)) / np.sqrt(noise @ noise)
+    (score,) = ScoreTest(problem, base, columns).rank(effect + noise)
+    assert score.onset == (None if onset is None else pytest.approx(onset, abs=0.4))

@@ -142,25 +142,29 @@ def _scale(r: Recording, name: str, m: Match, ratios: Mapping[str, float]) -> Su
     if 1 / FAR < size < FAR:
         evidence = f"it moves against the nominal system (correlation {m.correlation:.2f}): "
         return Suspicion(r.name, name, "sign", evidence + f"reversed? If so, sign = -1 for {column!r}", wrong=True)
-    known = known_factor(size, r.units.get(name, ""), ratios)
+    known = known_factors(size, r.units.get(name, ""), ratios)
     evidence = f"it moves {m.factor:.4g} times as much as the nominal system (correlation {m.correlation:.2f})"
-    if known is None:
+    if not known:
         return Suspicion(r.name, name, "factor", f"{evidence}; no usual factor is near")
-    value, words = known
-    remedy = f"scale = {1 / value:.6g}" + (", sign = -1" if m.factor < 0 else "")
-    evidence += f": factor {value:.5g}, {words}? If so, its unit or {remedy} for {column!r}; if not, scale = 1"
+    factors = " or ".join(f"{value:.5g}, {words}" for value, words in known)
+    remedy = "scale = " + " or ".join(f"{1 / value:.6g}" for value, _ in known)
+    remedy += ", sign = -1" if m.factor < 0 else ""
+    evidence += f": factor {factors}? If so, its unit or {remedy} for {column!r}; if not, scale = 1"
     return Suspicion(r.name, name, "factor", evidence, wrong=True)
 
 
-def known_factor(size: float, unit: str, ratios: Mapping[str, float]) -> tuple[float, str] | None:
-    """The usual factor (or its inverse) nearest to a size, with its words. None: none is near."""
-    usual = {"rad/s": TURNS, "rad": ANGLES}.get(unit, {}) | DECIMALS
-    usual |= {
-        abs(v): f"the gear ratio {name}: the other side of the gear" for name, v in ratios.items() if abs(v) > FAR
-    }
-    both = [(f, words) for f, words in usual.items()] + [(1 / f, f"{words}, inverted") for f, words in usual.items()]
-    value, words = min(both, key=lambda fw: abs(np.log(size / fw[0])))
-    return (value, words) if abs(np.log(size / value)) < np.log(NEAR) else None
+def known_factors(size: float, unit: str, ratios: Mapping[str, float]) -> list[tuple[float, str]]:
+    """Usual factors (or their inverses) near a size, with their words: at most the nearest of the unit's own and of all
+    others, for rpm and a decimal place no nominal system tells apart. Empty: none is near."""
+    own = {"rad/s": TURNS, "rad": ANGLES}.get(unit, {})
+    gears = {abs(v): f"the gear ratio {name}: the other side of the gear" for name, v in ratios.items() if abs(v) > FAR}
+    found = []
+    for usual in (own, DECIMALS | gears):
+        both = [(f, words) for f, words in usual.items()] + [
+            (1 / f, f"{words}, inverted") for f, words in usual.items()
+        ]
+        found += sorted(both, key=lambda fw: abs(np.log(size / fw[0])))[:1]
+    return [(value, words) for value, words in found if abs(np.log(size / value)) < np.log(NEAR)]
 
 
 def _swapped(r: Recording, simulated: Mapping[str, Vector], odd: Mapping[str, Match]) -> Suspicion | None:

@@ -13,6 +13,7 @@ from cobot_joint.errors import UserError
 
 GAP = 2.5  # steps between two samples above which what lies between counts as not recorded
 ROUNDED = 0.01  # steps by which the stamps of a regular clock may be off, by rounding
+JITTERY = 0.5  # the same of one that jitters
 FEWEST = 16  # samples of which anything can be said
 SPARSEST = 10  # steps per sample above which a clock is not one
 SLOWEST, LONG = 0.5, 3600.0  # s between samples, and in all, beyond which a log is no drive's unless it says so
@@ -68,10 +69,18 @@ def _check_clock(path: Path, time: NDArray[np.float64], step: float, confirmed: 
 
 
 def _step(time: NDArray[np.float64]) -> float:
-    """The mean of a clock that is regular up to the rounding of its stamps, else the median: gaps do not count."""
-    mean = (time[-1] - time[0]) / (len(time) - 1)
-    regular = np.abs(time - time[0] - mean * np.arange(len(time))).max() < ROUNDED * mean
-    return _nice(float(mean if regular else np.median(np.diff(time))))
+    """That of a clock whose stamps are off by rounding or jitter, gaps between or not; the median of any other.
+
+    The median of differences that jitter is off by a ten-thousandth, half a sample at the end of a run.
+    """
+    steps = np.diff(time)
+    mean, median = float(np.mean(steps)), float(np.median(steps))
+    if np.abs(time - time[0] - mean * np.arange(len(time))).max() < ROUNDED * mean:
+        return _nice(mean)
+    ticks = np.concatenate([[0.0], np.cumsum(np.maximum(np.rint(steps / median), 1.0))])
+    step, first = np.polyfit(ticks, time, 1)
+    regular = np.abs(time - first - step * ticks).max() < JITTERY * median
+    return _nice(float(step) if regular else median)
 
 
 def _nice(step: float) -> float:

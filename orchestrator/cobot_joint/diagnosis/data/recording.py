@@ -259,7 +259,7 @@ def _in_unit(
 
 def _windowed(log: Log, window: tuple[float | None, float | None], late: Mapping[str, float]) -> list[Channel]:
     """Channels with the stamps of late ones put right, cut to the window; those that share a clock go on sharing it."""
-    shifts = dict(late)
+    shifts = {name if name in log.names else split_header(name)[0]: shift for name, shift in late.items()}
     begin, end = (-np.inf if window[0] is None else window[0]), (np.inf if window[1] is None else window[1])
     clocks: dict[tuple[int, float], tuple[NDArray[np.float64], NDArray[np.bool_]]] = {}
     found = []

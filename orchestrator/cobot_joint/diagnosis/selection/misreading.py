@@ -131,13 +131,28 @@ def look_for_misreading(problem: Problem, calibrated: Fit) -> Misread | None:
         if suspect.predicted < max(thresholds.WORTH_FITTING * above, problem.evidence, abreast):
             break
         found = _fitted(problem, calibrated, suspect)
-        if found is not None and (taken := 1 - problem.excess(found.residual) / before) > thresholds.ENOUGH:
+        if found is None or not spares_others(problem, calibrated, found, suspect.reading.channel):
+            continue
+        if (taken := 1 - problem.excess(found.residual) / before) > thresholds.ENOUGH:
             fitted.append(Misread(found, suspect.predicted, suspect.own, taken))
     if not fitted:
         return None
     best, *others = sorted(fitted, key=lambda m: m.fit.cost)
     alike = [m.channel for m in others if m.fit.cost - best.fit.cost < thresholds.ALIKE]
     return replace(best, alike=alike[0]) if alike else best
+
+
+def spares_others(problem: Problem, before: Fit, after: Fit, channel: str) -> bool:
+    """Whether no more is left of the other channels than before. A channel that is misread had bent the fit to them;
+    where freeing it costs them, it is sound, and something else is wrong."""
+    other = [block.channel != channel for block in problem.blocks]
+    left, was = (
+        sum(
+            float(part.sum()) for part, counts in zip(problem.excess_by_block(f.residual), other, strict=True) if counts
+        )
+        for f in (after, before)
+    )
+    return left < was + thresholds.LEFT_SIGMA * problem.excess_scatter
 
 
 def suspects(problem: Problem, calibrated: Fit) -> list[Suspect]:

@@ -15,7 +15,7 @@ from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.least_squares import difference, fit, fit_on, predicted_decrease
 from cobot_joint.diagnosis.estimation.problem import Problem, Run, Vector
 from cobot_joint.diagnosis.estimation.stamps import Stamps
-from cobot_joint.diagnosis.selection.misreading import FINISHED, ROUGH, Misread, predicted_of
+from cobot_joint.diagnosis.selection.misreading import FINISHED, ROUGH, Misread, predicted_of, spares_others
 
 TRIED = 3  # channels that are fitted
 PROMISING = replace(ROUGH, jacobians=0)  # of a fit that has to show promise
@@ -33,7 +33,9 @@ def look_for_mistiming(problem: Problem, calibrated: Fit) -> Misread | None:
     fitted: list[Misread] = []
     for stamps in _suspects(problem)[:TRIED]:
         found = _fitted(problem, calibrated, stamps)
-        if found is not None and (taken := 1 - problem.excess(found.residual) / before) > thresholds.ENOUGH:
+        if found is None or not spares_others(problem, calibrated, found, stamps.channel):
+            continue
+        if (taken := 1 - problem.excess(found.residual) / before) > thresholds.ENOUGH:
             unmoved = Stamps(stamps.channel)
             x = np.concatenate([calibrated.x, unmoved.start()])
             hypothesis, own = calibrated.hypothesis.with_effects(unmoved), [len(x) - 2, len(x) - 1]

@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from cobot_joint.diagnosis.checks.beside_nominal import beside_nominal, known_factor
+from cobot_joint.diagnosis.checks.beside_nominal import beside_nominal, known_factors
 from cobot_joint.diagnosis.checks.suspicions import suspicions
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.data.recording import Recording
@@ -61,7 +61,7 @@ def test_nothing_is_said_of_a_clean_log(look: Callable[..., list[Suspicion]]) ->
             "w_motor",
             lambda x, r: x * 30 / np.pi,
             "factor",
-            "factor 9.5493, rpm read as rad/s? If so, its unit or scale",
+            "factor 9.5493, rpm read as rad/s or 10, a decimal place? If so, its unit or scale",
         ),
         ("w_motor", lambda x, r: x / N, "factor", "the gear ratio planetary_gear.ratio.N"),
         ("tau_sensor", lambda x, r: -x, "sign", "it moves against the nominal system (correlation -1.00): reversed?"),
@@ -151,11 +151,14 @@ def test_an_inertia_that_differs_by_run_is_said_and_one_that_does_not_is_not() -
 
 
 def test_the_usual_factor_nearest_in_size_is_named() -> None:
-    assert known_factor(9.4, "rad/s", {}) == (pytest.approx(9.5493, abs=1e-4), "rpm read as rad/s")
-    assert known_factor(9.8, "A", {}) == (10.0, "a decimal place")
-    assert known_factor(57.0, "rad", {})[1] == "degrees read as rad"
-    assert known_factor(1.02e-3, "V", {})[1].endswith("inverted")
-    assert known_factor(4.2, "V", {}) is None
+    rpm = (pytest.approx(9.5493, abs=1e-4), "rpm read as rad/s")
+    # a nominal system that is 8 % off tells neither from the other
+    assert known_factors(10.3, "rad/s", {}) == [rpm, (10.0, "a decimal place")]
+    assert known_factors(98.0, "rad/s", {}) == [(100.0, "percent, or hundredths")]
+    assert known_factors(9.8, "A", {}) == [(10.0, "a decimal place")]
+    assert [words for _, words in known_factors(57.0, "rad", {})] == ["degrees read as rad"]
+    assert known_factors(1.02e-3, "V", {})[0][1].endswith("inverted")
+    assert known_factors(4.2, "V", {}) == []
 
 
 def milliamperes(root: Path, folder: Path, entry: str = "") -> Path:

@@ -14,7 +14,7 @@ from cobot_joint.diagnosis.estimation.least_squares import fit
 from cobot_joint.diagnosis.estimation.problem import Problem, Run
 from cobot_joint.diagnosis.estimation.reading import Reading
 from cobot_joint.diagnosis.report.words import misread, remedy
-from cobot_joint.diagnosis.selection.misreading import look_for_misreading
+from cobot_joint.diagnosis.selection.misreading import look_for_misreading, spares_others
 from cobot_joint.diagnosis.selection.mistimed import look_for_mistiming
 from tests.orchestrator.diagnosis.axis import Axis, campaign
 from tests.orchestrator.diagnosis.bench import calibrated
@@ -198,3 +198,15 @@ def test_words_of_a_misread_channel_say_its_gain_and_what_undoes_it() -> None:
     neither = {**only, "offset": {"value": -0.22, "unit": "A", "ci95": [-0.5, 0.1]}, "alike": None}
     assert misread(neither) == "current [mA] is logged 1 times what is there and -0.22 A off"
     assert 'scale = 1, offset = "0.22 A"' in str(remedy(neither))
+
+
+@pytest.mark.parametrize(("more", "spared"), [(0.0, True), (0.5, False)])
+def test_a_reading_that_costs_other_channels_is_none(more: float, spared: bool) -> None:
+    """An inertia half as large again had been answered "the angle is logged 0.80 times what is there": the speed's
+    residual doubled beside it."""
+    with calibrated({"motor_bldc.windage.c": 4e-9}) as (problem, base):
+        residual = base.residual.copy()
+        for block in problem.blocks:
+            rows = residual[block.rows]
+            residual[block.rows] = 0.1 * rows if block.channel == "w_motor" else rows + more
+        assert spares_others(problem, base, replace(base, residual=residual), "w_motor") == spared

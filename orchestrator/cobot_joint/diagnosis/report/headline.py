@@ -52,21 +52,28 @@ def verdict_sentence(d: Json, terms: Mapping[str, TermText]) -> str:
     if d.get("repair") == "withheld":
         worse = "fits no better than a re-fit" if fails(d["channels"]) == "train" else "fits, but does not predict"
         return f"Undecided: {_suspects(findings, terms)} {worse}: the repair is withheld."
-    named = [f for f in findings if not f.get("shape")]
-    parts = [f"{title_of(f['term'], terms)} in {f['component']} ({percent(f.get('confidence'))} sure)" for f in named]
-    others = [
-        f"an effect that is on no list, at {f['component']} ({percent(f.get('confidence'))} sure)"
-        for f in findings
-        if f not in named
-    ]
+    listed_first = sorted(findings, key=lambda f: bool(f.get("shape")))
+    outside = [f for f in findings if is_parameter(f["term"], terms)]
     better = improvement(d)
-    tail = (
-        "" if better is None else f"; modelling it removes {percent(better[0])} of the error above the noise{better[1]}"
-    )
-    said = " and ".join(parts + others)
+    how = "a value that fits" if len(outside) == len(findings) else "modelling it"
+    tail = "" if better is None else f"; {how} removes {percent(better[0])} of the error above the noise{better[1]}"
     if max(f.get("confidence") or 0.0 for f in findings) < thresholds.EVEN:
-        return f"No name is more likely right than wrong; nearest comes {said}{tail}."
-    return f"The model lacks {said}{tail}."
+        nearest = " and ".join(_said(f, terms) for f in listed_first)
+        return f"No name is more likely right than wrong; nearest comes {nearest}{tail}."
+    lacks = [_said(f, terms) for f in listed_first if f not in outside]
+    parts = [f"The model lacks {' and '.join(lacks)}"] * bool(lacks)
+    for f in outside:
+        component, name = f["term"].split(".", 1)
+        parts.append(f"{name} of {component} is outside its tolerance ({percent(f.get('confidence'))} sure)")
+    return f"{', and '.join(parts)}{tail}."
+
+
+def _said(f: Json, terms: Mapping[str, TermText]) -> str:
+    """A finding with its place and confidence."""
+    sure = f"({percent(f.get('confidence'))} sure)"
+    if f.get("shape"):
+        return f"an effect that is on no list, at {f['component']} {sure}"
+    return f"{title_of(f['term'], terms)} in {f['component']} {sure}"
 
 
 def _largest(discrepancy: Sequence[Json]) -> str:
@@ -180,7 +187,12 @@ def title_of(term: str, terms: Mapping[str, TermText]) -> str:
     if term in terms:
         return terms[term].title.split(":")[0]
     name = term.split(".", 1)[-1]
-    return f"{name} outside its tolerance" if "." in name else name.replace("_", " ")
+    return f"{name} outside its tolerance" if is_parameter(term, terms) else name.replace("_", " ")
+
+
+def is_parameter(term: str, terms: Mapping[str, TermText]) -> bool:
+    """Whether it is a base parameter, `component.part.name`, and no term."""
+    return term not in terms and term.count(".") > 1
 
 
 def first_clause(description: str | None) -> str:

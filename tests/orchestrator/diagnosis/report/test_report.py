@@ -102,6 +102,16 @@ def words(text: str) -> str:
             [FINDING | {"confidence": 0.3}],
             "No name is more likely right than wrong; nearest comes Stribeck friction in planetary_gear (30 % sure)",
         ),
+        (
+            "explained",
+            [FINDING | {"term": "load.body.J", "component": "load"}],
+            "body.J of load is outside its tolerance (97 % sure); a value that fits removes 100 % of",
+        ),
+        (
+            "explained",
+            [FINDING, FINDING | {"term": "load.body.J", "component": "load"}],
+            "in planetary_gear (97 % sure), and body.J of load is outside its tolerance (97 % sure); modelling it",
+        ),
         ("undecided", [], "no explanation stands out"),
     ],
 )

@@ -104,7 +104,7 @@ def diagnose(
     for role in roles:
         title = {"train": "training runs", "holdout": "held-out runs"}[role]
         figures = {n: {"noise": c["noise"], **c[role]} for n, c in content["channels"].items() if role in c}
-        console.print(_figures(f"rms of recording - simulation, {title}", figures, result.units))
+        console.print(_figures(f"rms of recording - simulation, {title}", figures, result.units, content.get("repair")))
     if content.get("next_experiment"):
         console.print(f"next: {escape(content['next_experiment'])}", soft_wrap=True)
     for path in result.files:
@@ -264,11 +264,14 @@ def _findings(findings: list[dict[str, Any]]) -> Table:
     return grid
 
 
-def _figures(title: str, channels: dict[str, dict[str, Any]], units: dict[str, str]) -> Table:
+def _figures(
+    title: str, channels: dict[str, dict[str, Any]], units: dict[str, str], repair: str | None = None
+) -> Table:
     grid = Table(title=title, title_justify="left", title_style="bold")
     grid.add_column("channel")
     for name in ("unit", "noise", *VARIANTS):
-        grid.add_column(name, justify="right")
+        withheld = repair == "withheld" and name == "repaired"
+        grid.add_column("withheld" if withheld else name, justify="right")
     for channel, row in channels.items():
         cells = ["-" if row[name] is None else f"{row[name]:.4g}" for name in ("noise", *VARIANTS)]
         grid.add_row(channel, units.get(channel, ""), *cells)

@@ -70,6 +70,7 @@ def render(data: ReportData) -> str:
         title=data.title,
         verdict=headline.verdict_sentence(d, data.terms),
         verdict_kind="undecided" if d.get("repair") == "withheld" else d["verdict"],
+        repaired="withheld" if d.get("repair") == "withheld" else "repaired",
         chains=_chains(data),
         findings=[_finding(f, d, data.terms) for f in d["findings"]],
         errors=headline.errors(d, data.units),

@@ -119,6 +119,13 @@ def test_the_verdict_is_one_sentence_at_the_top(verdict: str, findings: list[dic
     assert sentence in words(render(data(verdict, findings)))[:600]
 
 
+@pytest.mark.parametrize(("repair", "column"), [("offered", "repaired"), ("withheld", "withheld")])
+def test_the_column_of_a_repair_that_is_withheld_says_so(repair: str, column: str) -> None:
+    report = data("explained", [FINDING])
+    text = words(render(replace(report, diagnosis={**report.diagnosis, "repair": repair})))
+    assert f"nominalcalibrated{column}" in text.replace(" ", "")
+
+
 def test_a_misread_channel_is_the_verdict_and_what_undoes_it_the_next_step() -> None:
     misread = {
         "column": "current",

@@ -21,7 +21,7 @@ EVIDENCE_IN_TABLE = (
     30.0  # of some tens of rows: BIC of three numbers, 10, and 2 ln of some 1000 shapes tried, 14, and more
 )
 # The next is also the share of what a late onset leaves by which it must beat being there from the start: true ones did
-# by 0.5 of all above noise, others by 0.03 [naming].
+# by 0.48 or more of chi-square, terms beside two backgrounds by 0.03 at most [naming].
 WORTH = 0.1  # of what is above noise, that a first term must take, and a level of a variable hold [naming]
 INEXACT = 3e-5  # of what was taken before, that a later term must take: no form is known to half a percent [naming]
 STILL_NEEDED = 0.02  # of what an earlier term took, that it must take beside a later one [naming]
@@ -52,8 +52,8 @@ REMAINDER = 0.1  # of the excess before, left by one term, below which the list 
 TERMS_STAND = 0.15  # of it, up to which listed terms stand, though the form of one may be somewhat off [naming]
 TIMES_LESS = 3.0  # per feature, that a formula must leave in place of one listed term; a table than a formula [naming]
 NO_PROOF = 0.02  # of the excess before, below which leaving less proves nothing [naming]
-# A later term must also be predicted to take the next share: true ones were to take 0.95 or more, beside a background
-# the best 0.05 [naming].
+# A later term must also be predicted to take the next share: true ones were to take 0.95 or more, beside
+# backgrounds the best 0.05 to 0.41 [naming].
 HOLDS = 0.5  # of the remainder, that a form must take to be an answer, and a later term: a patch takes less [naming]
 ALONE = 0.8  # of it, for a form or a load that needs no listed term beside it: terms would patch it [naming]
 ENOUGH = 0.97  # of it, from which on no further forms or arguments are tried [naming]

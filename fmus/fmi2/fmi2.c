@@ -1,6 +1,7 @@
 /* FMI 2.0 for co-simulation and model exchange: the core's functions by the names and types of the standard.
  * One translation unit per FMU: EQUATIONS names the unit's equations.c, MODEL_DEF its table, UNIT_GUID is its GUID. */
 #include "core/core.h"
+#include "core/vector_field.h"
 #include "fmi2Functions.h"
 
 typedef struct {
@@ -250,3 +251,9 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component component, const fmi2Byte bytes
   CALL(ANY, deserialize_state(component, bytes, size, state));
 }
 #undef CALL
+
+#if !defined FMI2_FUNCTION_PREFIX /* linked with others, it would need a name of its own */
+/* beside FMI: core/field.h */
+FMI2_Export const VectorField *cobot_joint_field(void);
+const VectorField *cobot_joint_field(void) { return &VECTOR_FIELD; }
+#endif

@@ -12,6 +12,7 @@ from cobot_joint.cosim.schemes import Scheme
 from cobot_joint.errors import UserError
 from cobot_joint.system.model import Inputs
 
+ROUNDING, SLIGHT = 1e-9, 1e-4  # turns of an input, by its size, that are none and that an integrator steps over
 MOST_POINTS = 1e10  # of a run: months of computing
 
 
@@ -49,7 +50,7 @@ def make_clock(scheme: Scheme, start: float, stop: float, step: float | None, ou
         )
     longest = step or min(scheme.step, output_step)  # rows inside of steps, interpolated, only where asked for
     rows = math.floor((stop - start) / output_step + 1e-6) + 1
-    if scheme.adaptive:  # ticks that divide output_step by powers of two, strides of such powers
+    if scheme.adaptive or scheme.monolithic:  # ticks that divide output_step by powers of two, strides of such powers
         per_row = 2 ** max(0, math.ceil(math.log2(output_step / min(scheme.shortest, longest)) - 1e-9))
         tick = output_step / per_row
         return Clock(start, tick, per_row, 2 ** max(0, math.floor(math.log2(longest / tick) + 1e-9)), rows)
@@ -59,13 +60,14 @@ def make_clock(scheme: Scheme, start: float, stop: float, step: float | None, ou
     return Clock(start, output_step / per_row, per_row, 1, rows)
 
 
-def turns(inputs: Inputs, clock: Clock) -> NDArray[np.int64]:
-    """Ticks next to where an input's slope changes: before the first sample and after the last it is 0."""
+def turns(inputs: Inputs, clock: Clock, least: float = ROUNDING) -> NDArray[np.int64]:
+    """Ticks next to where an input's slope changes by more than `least` of its size per sample: before the first sample
+    and after the last it is 0."""
     t, found = inputs.time, np.zeros(len(inputs.time), dtype=bool)
     for samples in inputs.values.values():
         slopes = np.concatenate([[0.0], np.diff(samples) / np.diff(t), [0.0]])
-        rounding = 1e-9 * np.max(np.abs(samples), initial=0.0) / np.min(np.diff(t), initial=np.inf)
-        found |= np.abs(np.diff(slopes)) > rounding
+        slight = least * np.max(np.abs(samples), initial=0.0) / np.min(np.diff(t), initial=np.inf)
+        found |= np.abs(np.diff(slopes)) > slight
     ticks = (t[found] - clock.start) / clock.step
     near = np.round(ticks)
     exact = np.abs(ticks - near) < 1e-6

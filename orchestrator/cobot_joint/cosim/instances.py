@@ -30,6 +30,10 @@ class SimulationError(RuntimeError):
     """A run failed: which unit, which call, at what time, and what the unit logged last."""
 
 
+class SlowError(SimulationError):
+    """A run takes more steps than its scheme allows: another may be faster."""
+
+
 class UnitEndedError(SimulationError):
     """The process of an isolated unit ended: a crash, an exit, or a call that took too long.
 
@@ -151,6 +155,15 @@ class Instance:
         """Of a function in the FMU's library; None where it has none of that name."""
         pointer = getattr(self.fmu.dll, function, None)
         return None if pointer is None else ctypes.cast(pointer, ctypes.c_void_p).value
+
+    @property
+    def field(self) -> int | None:
+        """Address of the unit's vector field (fmus/core/field.h); None: it is not ours, or in a process of its own."""
+        function = None if self._isolation else getattr(self.fmu.dll, "cobot_joint_field", None)
+        if function is None:
+            return None
+        function.restype, function.argtypes = ctypes.c_void_p, []
+        return function()  # type: ignore[no-any-return]
 
     def reset(self) -> None:
         """To the state after instantiation; a unit that cannot is instantiated anew."""

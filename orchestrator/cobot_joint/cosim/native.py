@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 
 from cobot_joint.cosim import library
 from cobot_joint.cosim.clock import Clock
-from cobot_joint.cosim.instances import SimulationError
+from cobot_joint.cosim.instances import SimulationError, SlowError
 from cobot_joint.cosim.plan import Plan, PlannedUnit, Wire
 from cobot_joint.cosim.schemes import Scheme
 from cobot_joint.system.model import Inputs
+
+
+_SLOW = 1  # cosim.h
 
 
 class _Wire(ctypes.Structure):
@@ -55,6 +58,7 @@ class _Unit(ctypes.Structure):
         ("holds_end", c_int32),
         ("stairs", c_int32),
         ("output_derivatives", c_int32),
+        ("field", c_void_p),
         ("is_sink", c_int32),
     ]
 
@@ -71,6 +75,7 @@ class _Scheme(ctypes.Structure):
     _fields_ = [
         *((field, c_int32) for field in ("sequential", "extrapolation", "interpolation", "sweeps", "adaptive")),
         ("tolerance", c_double),
+        ("pace", c_double),
     ]
 
 
@@ -97,6 +102,8 @@ class _Plan(ctypes.Structure):
         ("max_stride", c_int64),
         ("n_breaks", c_size_t),
         ("breaks", c_void_p),
+        ("n_ordered", c_size_t),
+        ("order", POINTER(c_int32)),
         ("scheme", _Scheme),
     ]
 
@@ -120,6 +127,7 @@ class Tables:
         self.flows = (_Flow * len(plan.flows))(*(_Flow(f.given, f.taken, f.power) for f in plan.flows))
         self.ports = (_Port * len(plan.ports))(*(_Port(p.unit, p.input, p.output) for p in plan.ports))
         self.recorded = _wires(plan.recorded)
+        self.order = (c_int32 * len(plan.order))(*plan.order)
 
     def _unit(self, planned: PlannedUnit) -> _Unit:
         unit = _Unit(name=planned.instance.name.encode())
@@ -138,6 +146,7 @@ class Tables:
         unit.holds_end = planned.holds_end
         unit.stairs = planned.stairs
         unit.output_derivatives = planned.output_derivatives
+        unit.field = planned.instance.field
         unit.is_sink = planned.is_sink
         return unit
 
@@ -182,6 +191,8 @@ class Master:
             max_stride=clock.stride,
             n_breaks=len(breaks),
             breaks=breaks.ctypes.data,
+            n_ordered=len(tables.order),
+            order=tables.order,
             scheme=_Scheme(
                 scheme.sequential,
                 scheme.extrapolation,
@@ -189,6 +200,7 @@ class Master:
                 scheme.sweeps,
                 scheme.adaptive,
                 scheme.tolerance,
+                scheme.pace,
             ),
         )
         self._master: c_void_p | None = self._library.cosim_create(ctypes.byref(plan))
@@ -246,7 +258,7 @@ class Master:
         failed = next((u.instance for u in self._tables.plan.units if message.startswith(f"{u.instance.name}:")), None)
         if failed:
             raise failed.failure(message.removeprefix(f"{failed.name}: "))
-        raise SimulationError(message)
+        raise SlowError(message) if status == _SLOW else SimulationError(message)
 
 
 def _wires(wires: tuple[Wire, ...]) -> ctypes.Array[_Wire]:

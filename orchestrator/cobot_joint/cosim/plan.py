@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
 
 from fmpy.model_description import ModelVariable
 
@@ -95,6 +96,7 @@ class Plan:
     ports: tuple[PlannedPort, ...]
     recorded: tuple[Wire, ...]
     names: tuple[str, ...]
+    order: tuple[int, ...] = ()  # monolithic: of the units that are one system, so that each finds its inputs known
 
     def nominal_of(self, wire: Wire) -> float:
         """Size of what a wire carries; of an input of the system, which nobody judges, 1."""
@@ -123,7 +125,7 @@ def make_plan(
     connections = mechanical_connections(system)
     shafts = [c for c in connections if c.annotated] if scheme.adaptive else []
     turned: set[Source] = {(p.component, str(p.W)) for s in shafts for p in (s.gives, s.takes)}
-    sinks = _sinks(driven, turned, instances) if scheme.rolls_back else set()
+    sinks = _sinks(driven, turned, instances) if scheme.rolls_back or scheme.monolithic else set()
     driven = [c for c in driven if c.sink_component not in sinks or _matters(c, tapped, instances)]
     read = {(c.source_component, c.source) for c in driven} | turned
     if dense:
@@ -155,6 +157,7 @@ def make_plan(
         ports=tuple(_port(port, units, numbers) for port in unmeasured(connections)),
         recorded=tuple(Wire(numbers[c.source_component, c.source], c.factor, c.offset) for c in taps.values() if c),
         names=tuple(name for name, c in taps.items() if c),
+        order=_order(driven, sinks, instances) if scheme.monolithic else (),
     )
 
 
@@ -233,6 +236,30 @@ def _plan_unit(
         output_derivatives=instance.gives_slopes and instance.interpolates,  # else slopes know nothing of the inputs'
         is_sink=is_sink,
     )
+
+
+def _order(driven: Sequence[Connection], sinks: set[str], instances: Sequence[Instance]) -> tuple[int, ...]:
+    """Units by number, so that outputs which are no states are known before they are needed.
+
+    SimulationError: a unit tells no derivatives, takes or gives what is no Real, or they wait for each other.
+    """
+    names = [i.name for i in instances]
+    needs: dict[str, set[str]] = {i.name: set() for i in instances if i.name not in sinks}
+    for instance in instances:
+        if instance.name in needs and not instance.field:
+            raise SimulationError(f"scheme monolithic needs units of ours, in this process: {instance.name} is none")
+    for wire in driven:
+        sink, source = str(wire.sink_component), wire.source_component
+        if sink not in needs:
+            continue
+        if _kind(instances[names.index(sink)].variables[wire.sink]) != "Real":
+            raise SimulationError(f"scheme monolithic passes on Reals: {wire.name} is none")
+        if source and wire.source not in instances[names.index(source)].component.unit.states:
+            needs[sink].add(source)
+    try:
+        return tuple(names.index(name) for name in TopologicalSorter(needs).static_order())
+    except CycleError as error:
+        raise SimulationError(f"scheme monolithic: {among(error.args[1])} wait for each other's outputs") from error
 
 
 def _sinks(driven: Sequence[Connection], turned: set[Source], instances: Sequence[Instance]) -> set[str]:

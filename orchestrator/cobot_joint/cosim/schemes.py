@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from cobot_joint.errors import UserError, among
@@ -22,6 +23,9 @@ class Scheme:
                    not take the energy that its neighbour gives, is taken back and halved; steps double where there
                    is room
     tolerance      1; of `sweeps` and `adaptive`
+    monolithic     units of ours are one system of equations, integrated by a Rosenbrock method from event to event, and do
+                   not step themselves; `tolerance`: error of a step over each state's nominal value
+    pace           1/s; of `monolithic`: steps per second of simulated time beyond which a run is given up (SlowError)
     step           s; the one that is used where none is given; of an adaptive scheme the longest, or the time between
                    rows where that is shorter
     shortest       s; step of an adaptive scheme, or somewhat below, so that doubled steps meet recorded points
@@ -34,7 +38,9 @@ class Scheme:
     interpolation: int = 1
     sweeps: int = 1
     adaptive: bool = False
+    monolithic: bool = False
     tolerance: float = 1e-4
+    pace: float = math.inf
     step: float = 5e-4
     shortest: float = 2e-5
 
@@ -78,10 +84,19 @@ _ALL = (
         adaptive=True,
         step=16e-3,
     ),
+    Scheme(
+        "monolithic",
+        "units of ours as one system of equations, integrated from event to event",
+        sequential=True,
+        monolithic=True,
+        tolerance=2e-5,
+        step=16e-3,
+    ),
 )
 
 SCHEMES = {scheme.name: scheme for scheme in _ALL}
 DEFAULT = "adaptive"
+MONOLITHIC = SCHEMES["monolithic"]
 WITHOUT_ROLLBACK = "gauss_seidel_extrapolated"  # instead, where a unit cannot restore its state or vary its step
 
 

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from types import TracebackType
 from typing import Literal, Protocol
 
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.cosim import native
-from cobot_joint.cosim.clock import Clock, make_clock, turns
+from cobot_joint.cosim.clock import ROUNDING, SLIGHT, Clock, make_clock, turns
 from cobot_joint.cosim.energy import mechanical_connections, unmeasured, works
 from cobot_joint.cosim.experiment import Experiment
 from cobot_joint.cosim.foreign.step_choice import PROBE, choose_step
@@ -21,7 +22,7 @@ from cobot_joint.cosim.initialise import initialise
 from cobot_joint.cosim.instances import Instance, SimulationError, check_parameters
 from cobot_joint.cosim.plan import make_plan
 from cobot_joint.cosim.reference.master import Master as ReferenceMaster
-from cobot_joint.cosim.schemes import DEFAULT, WITHOUT_ROLLBACK, Scheme, scheme_of
+from cobot_joint.cosim.schemes import DEFAULT, MONOLITHIC, WITHOUT_ROLLBACK, Scheme, scheme_of
 from cobot_joint.errors import among
 from cobot_joint.results.result import Result
 from cobot_joint.system.initial import initial_order
@@ -152,6 +153,17 @@ class Simulation:
                 if filled < len(rows):
                     return
 
+    @cached_property
+    def is_one_system(self) -> bool:
+        """Whether scheme monolithic can run it, and the system asks for no other."""
+        if self.system.default_experiment.scheme is not None:
+            return False
+        try:
+            make_plan(self.system, list(self._instances.values()), MONOLITHIC, tuple(self.system.inputs), ())
+        except SimulationError:
+            return False
+        return True
+
     def energy(self) -> dict[str, tuple[float, float, float]]:
         """Mechanical connection -> (work given, work taken, integral of |power given|) since the run's start, J."""
         return works(self._connections, self._instances, self._measured)
@@ -168,7 +180,9 @@ class Simulation:
         at_start = {name: float(np.interp(clock.start, e.inputs.time, row)) for name, row in e.inputs.values.items()}
         parameters = check_parameters(self.system, e.parameters)
         initialise(self._order, self._instances, parameters, at_start, clock.start, e.stop_time)
-        breaks = turns(e.inputs, clock) if scheme.adaptive else np.empty(0, dtype=np.int64)
+        breaks = np.empty(0, dtype=np.int64)
+        if scheme.adaptive or scheme.monolithic:
+            breaks = turns(e.inputs, clock, SLIGHT if scheme.monolithic else ROUNDING)
         master: Master
         if self.engine == "native":
             master = native.Master(tables, scheme, e.inputs, clock, breaks)
@@ -269,7 +283,8 @@ class Simulation:
         times = run.clock.times(first, first + len(rows))
         self._measured = run.master.works()
         step = run.clock.step * run.clock.stride
-        energy = {} if failed else self.energy()  # a unit that failed cannot be asked
+        one = run.scheme.monolithic  # a single integrator: no wire has two sides that could differ
+        energy = {} if failed or one else self.energy()  # a unit that failed cannot be asked
         return Result(times, signals, energy, run.scheme.name, step, dict(run.units))
 
 

@@ -10,6 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "core/field.h"
 #include "fmi2FunctionTypes.h"
 
 #if defined _WIN32
@@ -52,7 +53,8 @@ typedef struct {
   int32_t holds_end;   /* where input_order is 0: the constant is the value at the step's end, else at its middle */
   int32_t stairs; /* where input_order is 0: of how many equal parts, and a short last one, a step is made; 0: of one */
   int32_t output_derivatives;
-  int32_t is_sink; /* no other unit reads it: stepped once, when a step is final, from row to row; never taken back */
+  const VectorField *field; /* of a unit of ours, where the scheme is monolithic */
+  int32_t is_sink;          /* no other unit reads it: stepped once, when a step is final, from row to row; never taken back */
 } Unit;
 
 typedef struct { /* work through two flanges that are wired together, J; power: what counts as much, W */
@@ -67,7 +69,7 @@ typedef struct
 
 typedef struct { /* schemes.py says what the fields mean */
   int32_t sequential, extrapolation, interpolation, sweeps, adaptive;
-  double tolerance;
+  double tolerance, pace;
 } Scheme;
 
 typedef struct {
@@ -90,6 +92,8 @@ typedef struct {
   int64_t max_stride;       /* longest step in ticks: a power of two; 1 unless the scheme is adaptive */
   size_t n_breaks;
   const int64_t *breaks; /* [n_breaks], rising: ticks that no longer step may pass over, since inputs turn there */
+  size_t n_ordered;     /* monolithic: how many units are one system; 0: the units step themselves */
+  const int32_t *order; /* [n_ordered]: in which each finds its inputs known */
   Scheme scheme;
 } Plan;
 
@@ -98,6 +102,7 @@ typedef struct {
 } Counters;
 
 typedef struct Master Master;
+enum { COSIM_SLOW = 1 }; /* of calls that else return 0, or -1 with a message */
 
 /* The plan's arrays stay the caller's and have to outlive the master. NULL: out of memory. */
 COSIM_API Master *cosim_create(const Plan *plan);

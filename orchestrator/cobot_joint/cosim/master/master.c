@@ -10,7 +10,8 @@
 #include <stdbool.h>
 #include <stdlib.h>
 
-#include "master.h"
+#include "master/master.h"
+#include "monolithic/monolithic.h"
 
 /* Signals ------------------------------------------------------------------------------------------------------------------- */
 
@@ -207,7 +208,7 @@ int cosim_begin(Master *m) {
     if (get_outputs(m, &m->plan.units[i]) || get_first_slopes(m, &m->plan.units[i])) return -1;
   for (size_t s = 0; s < m->plan.n_outputs; s++) m->past[s] = (Past){.y = m->y[s], .dy = m->dy[s]};
   for (size_t k = 0; k < m->plan.n_ports; k++) m->total[k] = m->total_abs[k] = 0;
-  return 0;
+  return m->monolithic ? monolithic_begin(m->monolithic, m) : 0;
 }
 
 int cosim_resume(Master *m) {
@@ -221,7 +222,7 @@ int cosim_resume(Master *m) {
     past->y_prev += jump;
     past->y_prev2 += jump;
   }
-  return 0;
+  return m->monolithic ? monolithic_resume(m->monolithic, m) : 0;
 }
 
 int cosim_record(Master *m, double *row) {
@@ -242,6 +243,7 @@ int cosim_record(Master *m, double *row) {
 }
 
 int cosim_advance(Master *m, int64_t tick, double *rows) {
+  if (m->monolithic) return monolithic_advance(m->monolithic, m, tick, rows);
   while (m->tick < tick) {
     limit_stride(m, tick);
     if (step(m, &rows)) return -1;
@@ -300,11 +302,16 @@ Master *cosim_create(const Plan *plan) {
   }
   m->total = m->work + plan->n_ports;
   m->total_abs = m->total + plan->n_ports;
+  if (plan->n_ordered && !(m->monolithic = monolithic_create(&m->plan))) {
+    cosim_destroy(m);
+    return NULL;
+  }
   return m;
 }
 
 void cosim_destroy(Master *m) {
   if (!m) return;
+  monolithic_destroy(m->monolithic);
   for (size_t i = 0; m->scratch && i < m->plan.n_units; i++) {
     const Unit *unit = &m->plan.units[i];
     if (m->scratch[i].state) unit->free_state(unit->component, &m->scratch[i].state);

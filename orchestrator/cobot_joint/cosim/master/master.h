@@ -11,8 +11,11 @@ typedef struct { /* what one unit needs beside its description: where its inputs
   fmi2FMUstate state;
 } Scratch;
 
+struct Monolithic; /* ../monolithic */
+
 struct Master {
   Plan plan;
+  struct Monolithic *monolithic; /* NULL: the units step themselves */
   Scratch *scratch;          /* [n_units] */
   Past *past;                /* [n_outputs] */
   double *y, *dy;            /* [n_outputs]: at the end of the step under way */

@@ -5,15 +5,17 @@ from __future__ import annotations
 import queue
 import threading
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.cosim import Simulation
-from cobot_joint.cosim.instances import UnitEndedError
+from cobot_joint.cosim.instances import SlowError, UnitEndedError
+from cobot_joint.cosim.schemes import MONOLITHIC
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.plant import (
     SPEEDS,
@@ -29,6 +31,7 @@ from cobot_joint.system.model import Component, Connection, Connector, System
 from cobot_joint.system.wiring import ADDITIVE
 from cobot_joint.units import Shape, Term, Unit
 
+FASTEST = replace(MONOLITHIC, pace=2000.0)  # 1/s; there both schemes take as long (docs/decisions/0014-monolithic.md)
 MOTION, LOADS = ("rad", "rad/s", "m", "m/s"), ("N.m", "N", "A")  # units of measure
 
 
@@ -99,9 +102,19 @@ class FmuPlant:
         added = {self._connectors.get(port, port): x for port, x in (added or {}).items()}
         with self._simulation(recording.setup, bool(added)) as simulation:
             try:
-                return run_beside(
-                    simulation, recording, values, onsets=onsets, added=added, record=[*recording.outputs, *signals]
+                run = partial(
+                    run_beside,
+                    simulation,
+                    recording,
+                    values,
+                    onsets=onsets,
+                    added=added,
+                    record=[*recording.outputs, *signals],
                 )
+                if simulation.is_one_system:
+                    with suppress(SlowError):  # ripple of a high order: units that step themselves are faster then
+                        return run(scheme=FASTEST)
+                return run()
             except SimulationError as error:
                 if isinstance(error, UnitEndedError):
                     self._note(error, values)

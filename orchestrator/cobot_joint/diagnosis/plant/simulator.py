@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.cosim import Experiment, Simulation, SimulationError
+from cobot_joint.cosim.schemes import Scheme
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import Inputs, System, Value
@@ -22,8 +23,9 @@ def run_beside(
     onsets: Mapping[str, float] | None = None,
     added: Mapping[str, NDArray[np.float64]] | None = None,
     record: Sequence[str],
+    scheme: Scheme | None = None,
 ) -> dict[str, NDArray[np.float64]]:
-    """`record` at the recording's time, each (n,), coupled as the system says, else by the default scheme.
+    """`record` at the recording's time, each (n,), by a scheme, or coupled as the system says, else by the default one.
 
     values: `component.variable` -> value over the system's own. onsets: of these, s since the recording's first sample
     from which they hold. added: further inputs, (n,) each. UserError: a name or value is wrong. SimulationError (of
@@ -42,6 +44,7 @@ def run_beside(
             parameters=start,
             parameter_events=sorted(events, key=lambda event: event[0]),
             record=record,
+            scheme=scheme,
         )
     )
     if len(result.time) < len(time):

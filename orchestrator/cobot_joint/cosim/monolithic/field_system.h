@@ -1,0 +1,52 @@
+/* Units as one system of ordinary differential equations dx/dt = f(t, x): their vector fields, and the wires between them. */
+#ifndef COSIM_FIELD_SYSTEM_H
+#define COSIM_FIELD_SYSTEM_H
+
+#include "core/field.h"
+#include "cosim.h"
+#include "monolithic/linear.h"
+
+enum { MOST_COLUMNS = 64, MOST_EVENTS = 32, MOST_UNITS = 64 };
+
+typedef struct { /* a unit among them */
+  const Unit *unit;
+  const VectorField *field;
+  void *instance;
+  double *values;       /* its variables, by value reference */
+  size_t first, n;      /* its states in x */
+  bool depends[MOST_COLUMNS + 1]; /* by column: whether a state, an input, the time was seen to matter */
+} FieldUnit;
+
+typedef struct {
+  const Plan *plan;
+  size_t n_units, n;            /* without sinks; states in all */
+  FieldUnit units[MOST_UNITS];  /* in an order in which each finds its inputs known */
+  double *signal;               /* [n_outputs + n_inputs] */
+  double *slope;                /* [n_outputs + n_inputs]: by time alone, of inputs between their samples */
+  double (*gradient)[MOST_STATES]; /* [n_outputs + n_inputs]: of signals, by state */
+  uint64_t *reaches;            /* [n_outputs + n_inputs]: states that a signal depends on */
+  size_t sample;                /* sample_time[sample] <= t < sample_time[sample + 1] */
+  double nominal[MOST_STATES];
+  uint64_t rows[MOST_STATES];   /* where J may differ from zero */
+  bool rows_grew;               /* since somebody looked */
+  int64_t asked;                /* how often J was asked for */
+} FieldSystem;
+
+/* Of the units in the plan's `order`. NULL: out of memory, or it is too large. */
+FieldSystem *system_create(const Plan *plan);
+void system_destroy(FieldSystem *s);
+
+/* Takes the states from the units as they are now. -1: a unit is not initialized. */
+int system_begin(FieldSystem *s, double x[]);
+/* dx/dt; units keep the point, signals are those of it */
+void system_evaluate(FieldSystem *s, double t, const double x[], double f[]);
+/* J = df/dx and df/dt at t, x, the point last evaluated, where f was found, by differences of one unit at a time; units are
+ * somewhere else afterwards */
+void system_jacobian(FieldSystem *s, double t, const double x[], const double f[], double J[][MOST_STATES], double f_t[]);
+/* Positive where an event is due: the largest indicator at the point last evaluated; -INFINITY without events */
+double system_indicator(FieldSystem *s);
+/* What is due happens; x is what it leaves. -1: events follow each other without end */
+int system_happen(FieldSystem *s, double t, double x[]);
+double system_next_event(const FieldSystem *s);
+
+#endif

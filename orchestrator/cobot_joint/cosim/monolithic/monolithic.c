@@ -1,0 +1,230 @@
+#include "monolithic/monolithic.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "monolithic/rodas.h"
+
+static const double SHORTEST = 1e-12; /* s, of a step and of what brackets an event */
+static const double LONGEST = 16e-3;  /* s */
+static const double FIRST = 1e-4;     /* s, tried first, and after an event */
+static const double CLOSE = 1e-7;     /* s, between events */
+enum { MOST_TRIES = 100, MOST_EVENTS_AT_ONCE = 64 };
+
+struct Monolithic {
+  FieldSystem *system;
+  Rodas rodas;
+  bool asked[MOST_UNITS]; /* whether rows or sinks take outputs of a unit that are no states */
+  double *before;         /* [n_outputs + n_inputs]: signals when the sinks were last stepped */
+  int64_t sinks_at;       /* tick */
+  double next_step, next_event; /* s */
+  double last_event, apart;     /* s: when, and how long no other is looked for */
+  size_t next_break;            /* breaks[next_break] is later than now, the first such */
+};
+
+static int trouble(Master *m, const char *what, double t) {
+  snprintf(m->message, sizeof m->message, "the units as one system: %s at t = %.9g s", what, t);
+  return -1;
+}
+
+Monolithic *monolithic_create(const Plan *plan) {
+  Monolithic *o = calloc(1, sizeof *o);
+  if (!o) return NULL;
+  o->system = o->rodas.system = system_create(plan);
+  o->before = calloc(plan->n_outputs + plan->n_inputs + 1, sizeof *o->before);
+  if (o->system && o->before) return o;
+  monolithic_destroy(o);
+  return NULL;
+}
+
+void monolithic_destroy(Monolithic *o) {
+  if (!o) return;
+  system_destroy(o->system);
+  free(o->before);
+  free(o);
+}
+
+/* whether a row or a sink takes a signal */
+static bool is_taken(const Plan *plan, size_t signal) {
+  for (size_t k = 0; k < plan->n_recorded; k++)
+    if ((size_t)plan->recorded[k].signal == signal) return true;
+  for (size_t i = 0; i < plan->n_units; i++)
+    for (size_t k = 0; plan->units[i].is_sink && k < plan->units[i].real_inputs.n; k++)
+      if ((size_t)plan->units[i].wires[k].signal == signal) return true;
+  return false;
+}
+
+static bool is_asked(const Plan *plan, const FieldUnit *u) {
+  bool asked = n_watched(u->unit) > 0;
+  for (size_t j = 0; j < u->unit->real_outputs.n; j++)
+    asked |= u->unit->real_outputs.refs[j] >= u->n && is_taken(plan, (size_t)u->unit->first_signal + j);
+  return asked;
+}
+
+int monolithic_begin(Monolithic *o, Master *m) {
+  o->next_step = FIRST;
+  o->next_break = 0;
+  o->sinks_at = 0;
+  o->apart = 0;
+  o->last_event = -INFINITY;
+  if (system_begin(o->system, o->rodas.x)) return trouble(m, "a unit is not initialized", time_of(m, 0));
+  for (size_t k = 0; k < o->system->n_units; k++) o->asked[k] = is_asked(&m->plan, &o->system->units[k]);
+  if (monolithic_resume(o, m)) return -1;
+  memcpy(o->before, o->system->signal, (m->plan.n_outputs + m->plan.n_inputs) * sizeof *o->before);
+  return 0;
+}
+
+/* all that is due at the present point happens, and the integrator knows nothing of what follows */
+static int events_here(Monolithic *o, Master *m) {
+  Rodas *r = &o->rodas;
+  for (int n = 0; n < MOST_EVENTS_AT_ONCE; n++) {
+    system_evaluate(o->system, r->t, r->x, r->f);
+    if (n > 0 && !(system_indicator(o->system) > 0)) {
+      r->linear = false;
+      o->next_step = fmin(o->next_step, FIRST);
+      o->next_event = system_next_event(o->system);
+      return 0;
+    }
+    if (system_happen(o->system, r->t, r->x)) break;
+  }
+  return trouble(m, "events follow each other without end", r->t);
+}
+
+int monolithic_resume(Monolithic *o, Master *m) {
+  o->rodas.t = time_of(m, m->tick);
+  return events_here(o, m);
+}
+
+/* A tick inside of the step last made: units whose outputs are taken are asked, sinks follow, a recorded tick gets its row. */
+static int arrive(Monolithic *o, Master *m, int64_t tick, double **row) {
+  const Plan *plan = &m->plan;
+  const double t = time_of(m, tick), h = (double)(tick - o->sinks_at) * plan->step;
+  double x[MOST_STATES], f[MOST_STATES];
+  rodas_between(&o->rodas, t, x);
+  system_evaluate(o->system, t, x, f);
+  for (size_t k = 0; k < o->system->n_units; k++) {
+    const FieldUnit *u = &o->system->units[k];
+    if (o->asked[k]) u->field->observe(u->instance, t);
+  }
+  for (size_t s = 0; s < plan->n_outputs + plan->n_inputs; s++) {
+    const double y = o->system->signal[s];
+    m->p[s] = line(o->before[s], y, h);
+    o->before[s] = y;
+    if (s < plan->n_outputs) m->y[s] = y;
+  }
+  for (size_t i = 0; i < plan->n_units; i++)
+    if (plan->units[i].is_sink && step_unit(m, i, time_of(m, o->sinks_at), 0, h)) return -1;
+  o->sinks_at = m->tick = tick;
+  m->sample = o->system->sample;
+  if (tick % plan->ticks_per_record) return 0;
+  if (cosim_record(m, *row)) return -1;
+  *row += plan->n_recorded;
+  return 0;
+}
+
+/* the rows up to t, and the tick `last` where it is there */
+static int write_rows(Monolithic *o, Master *m, int64_t last, double t, double **row) {
+  const int64_t every = m->plan.ticks_per_record;
+  for (int64_t tick = m->tick; tick < last;) {
+    tick = (tick / every + 1) * every;
+    if (tick > last) tick = last;
+    if (time_of(m, tick) > t + SHORTEST) break;
+    if (arrive(o, m, tick, row)) return -1;
+  }
+  return 0;
+}
+
+/* the largest indicator inside of the step last made */
+static double indicator_between(Monolithic *o, double t) {
+  double x[MOST_STATES], f[MOST_STATES];
+  rodas_between(&o->rodas, t, x);
+  system_evaluate(o->system, t, x, f);
+  return system_indicator(o->system);
+}
+
+/* Where in the step an event is due first, just behind the root of its indicator on the interpolant: the secant, every third
+ * time a bisection. z_end: the indicator at the step's end. */
+static double first_event(Monolithic *o, double z_end) {
+  double low = o->rodas.t, high = low + o->rodas.h, z_low = indicator_between(o, low), z_high = z_end;
+  const double enough = fmax(SHORTEST, 4 * DBL_EPSILON * fabs(high));
+  for (int n = 0; n < MOST_TRIES && high - low > enough; n++) {
+    double t = n % 3 == 2 || !(z_low < 0) ? low + (high - low) / 2 : high - z_high * (high - low) / (z_high - z_low);
+    t = fmin(fmax(t, low + enough / 4), high - enough / 4);
+    const double z = indicator_between(o, t);
+    if (z > 0)
+      high = t, z_high = z;
+    else
+      low = t, z_low = z;
+  }
+  return fmin(fmax(high, o->rodas.t + o->apart), o->rodas.t + o->rodas.h);
+}
+
+/* Events that follow each other closely are taken together, more and more of them: where a force rests at zero, rounding alone
+ * would call up one after the other. */
+static void space_events(Monolithic *o, double t) {
+  o->apart = t - o->last_event < 4 * o->apart + CLOSE ? fmin(fmax(2 * o->apart, CLOSE), FIRST) : 0;
+  o->last_event = t;
+}
+
+/* How far the next step may go: to `end`, a turn of an input, an event that comes by time. */
+static double limit(Monolithic *o, const Master *m, double end) {
+  const Plan *plan = &m->plan;
+  const double t = o->rodas.t;
+  while (o->next_break < plan->n_breaks && time_of(m, plan->breaks[o->next_break]) <= t + SHORTEST) o->next_break++;
+  if (o->next_break < plan->n_breaks) end = fmin(end, time_of(m, plan->breaks[o->next_break]));
+  return fmax(fmin(end, o->next_event) - t, 0);
+}
+
+/* One step that the error allows, no further than by `most`; its end, or where an event is due within it, in *end. */
+static int make_step(Monolithic *o, Master *m, double most, double *end, bool *event) {
+  Rodas *r = &o->rodas;
+  double h = fmin(fmin(o->next_step, LONGEST), most);
+  if (h < most && h > most / 2) h = most / 2; /* rather than leaving a crumb */
+  for (;; m->count.rejected++) {
+    if (!(h > SHORTEST / 4)) return trouble(m, "the step size went to zero", r->t);
+    const double error = rodas_step(r, h, m->plan.scheme.tolerance);
+    const double room = fmin(fmax(0.9 / pow(error, 0.25), 0.2), 4);
+    if (error <= 1) {
+      o->next_step = h < o->next_step ? fmax(o->next_step, h * room) : h * room; /* cut short: nothing against longer ones */
+      break;
+    }
+    h *= error < 1e12 ? fmin(room, 0.8) : 0.1;
+    o->next_step = h;
+  }
+  m->count.steps++;
+  *end = r->t + r->h;
+  double f[MOST_STATES];
+  system_evaluate(o->system, *end, r->y, f);
+  const double z = system_indicator(o->system);
+  *event = z > 0;
+  if (*event) space_events(o, *end = first_event(o, z));
+  return 0;
+}
+
+int monolithic_advance(Monolithic *o, Master *m, int64_t tick, double *rows) {
+  Rodas *r = &o->rodas;
+  const double stop = time_of(m, tick);
+  while (m->tick < tick) {
+    const double most = limit(o, m, stop);
+    double end = r->t;
+    bool event = most <= SHORTEST; /* one that comes by time */
+    if (!event && make_step(o, m, most, &end, &event)) return -1;
+    if (end > r->t) {
+      const bool reaches = end >= r->t + most - SHORTEST;
+      if (write_rows(o, m, tick, end, &rows)) return -1;
+      rodas_between(r, end, r->x);
+      r->t = end;
+      if (reaches && !event) event = r->t >= o->next_event - SHORTEST;
+    }
+    r->linear = false;
+    system_evaluate(o->system, r->t, r->x, r->f);
+    if (event && events_here(o, m)) return -1;
+    const double most_steps = m->plan.scheme.pace * (1 + r->t - time_of(m, 0));
+    if ((double)(m->count.steps + m->count.rejected) > most_steps)
+      return trouble(m, "more steps than its pace allows", r->t), COSIM_SLOW;
+  }
+  return 0;
+}

@@ -10,7 +10,7 @@ from benchmarks.measure import Row, alternate, at_most, median, missing, rms, ti
 from benchmarks.monolith import averaged
 from benchmarks.ours import Ours
 from benchmarks.rows_peers import DURATION, workers
-from cobot_joint.cosim import SCHEMES, Simulation, SimulationError
+from cobot_joint.cosim import STEPPED, Simulation, SimulationError
 
 STEPS = [1e-3, 5e-4, 2e-4, 1e-4]  # s
 ROUNDS = 3
@@ -51,7 +51,7 @@ def _ours() -> list[Point]:
     right = bench.answer(bench.table_of(inputs, DURATION))
     points = []
     with Simulation(system) as simulation:
-        for scheme in SCHEMES:
+        for scheme in STEPPED:
             for step in STEPS:
                 contestant = Ours(simulation, inputs, DURATION, scheme=scheme, step=step)
                 try:

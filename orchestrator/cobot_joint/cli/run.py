@@ -37,6 +37,7 @@ Coupling schemes:
   gauss_seidel_extrapolated  the same, feedback continued quadratically
   iterative                  swept again until the feedback is met
   adaptive                   step controlled by the coupling error (default)
+  monolithic                 units of ours as one system of equations, not stepped by themselves
 """
 
 

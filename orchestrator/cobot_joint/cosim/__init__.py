@@ -3,12 +3,13 @@
 from cobot_joint.cosim.experiment import Experiment
 from cobot_joint.cosim.instances import SimulationError
 from cobot_joint.cosim.many import Advance, Outcome, simulate_many
-from cobot_joint.cosim.schemes import DEFAULT, SCHEMES, Scheme
+from cobot_joint.cosim.schemes import DEFAULT, SCHEMES, STEPPED, Scheme
 from cobot_joint.cosim.simulation import Simulation, simulate
 
 __all__ = [
     "DEFAULT",
     "SCHEMES",
+    "STEPPED",
     "Advance",
     "Experiment",
     "Outcome",

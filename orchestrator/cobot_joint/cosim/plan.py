@@ -241,7 +241,7 @@ def _plan_unit(
 def _order(driven: Sequence[Connection], sinks: set[str], instances: Sequence[Instance]) -> tuple[int, ...]:
     """Units by number, so that outputs which are no states are known before they are needed.
 
-    SimulationError: a unit tells no derivatives, takes or gives what is no Real, or they wait for each other.
+    SimulationError: a unit has no vector field, gives another what is no Real, or they wait for each other.
     """
     names = [i.name for i in instances]
     needs: dict[str, set[str]] = {i.name: set() for i in instances if i.name not in sinks}
@@ -252,8 +252,8 @@ def _order(driven: Sequence[Connection], sinks: set[str], instances: Sequence[In
         sink, source = str(wire.sink_component), wire.source_component
         if sink not in needs:
             continue
-        if _kind(instances[names.index(sink)].variables[wire.sink]) != "Real":
-            raise SimulationError(f"scheme monolithic passes on Reals: {wire.name} is none")
+        if source and _kind(instances[names.index(sink)].variables[wire.sink]) != "Real":
+            raise SimulationError(f"scheme monolithic passes on Reals from unit to unit: {wire.name} is none")
         if source and wire.source not in instances[names.index(source)].component.unit.states:
             needs[sink].add(source)
     try:

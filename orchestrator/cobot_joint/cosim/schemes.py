@@ -96,6 +96,7 @@ _ALL = (
 
 SCHEMES = {scheme.name: scheme for scheme in _ALL}
 DEFAULT = "adaptive"
+STEPPED = tuple(name for name, scheme in SCHEMES.items() if not scheme.monolithic)  # units step themselves
 MONOLITHIC = SCHEMES["monolithic"]
 WITHOUT_ROLLBACK = "gauss_seidel_extrapolated"  # instead, where a unit cannot restore its state or vary its step
 

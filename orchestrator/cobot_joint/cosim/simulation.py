@@ -23,7 +23,7 @@ from cobot_joint.cosim.instances import Instance, SimulationError, check_paramet
 from cobot_joint.cosim.plan import make_plan
 from cobot_joint.cosim.reference.master import Master as ReferenceMaster
 from cobot_joint.cosim.schemes import DEFAULT, MONOLITHIC, WITHOUT_ROLLBACK, Scheme, scheme_of
-from cobot_joint.errors import among
+from cobot_joint.errors import UserError, among
 from cobot_joint.results.result import Result
 from cobot_joint.system.initial import initial_order
 from cobot_joint.system.model import System, Value
@@ -186,6 +186,8 @@ class Simulation:
         master: Master
         if self.engine == "native":
             master = native.Master(tables, scheme, e.inputs, clock, breaks)
+        elif scheme.monolithic:
+            raise UserError(f"scheme {scheme.name} with engine {self.engine!r} is given, it runs with 'native' alone")
         else:
             master = ReferenceMaster(tables.plan, scheme, e.inputs, clock, breaks)
         try:

@@ -57,6 +57,7 @@ static inline bool rolls_back(const Master *m) { return m->plan.scheme.sweeps > 
 enum { DISCARDED = 1 }; /* from step_unit alone: a shorter step is to be tried */
 /* From s to s + h of the step that begins at t: inputs' polynomials in, y and dy out */
 int step_unit(Master *m, size_t i, double t, double s, double h);
+int set_discrete_inputs(Master *m, const Unit *unit);
 int get_outputs(Master *m, const Unit *unit);      /* those that drive inputs, into y */
 int get_watched(Master *m, const Unit *unit);      /* those that are only recorded, into y */
 int get_first_slopes(Master *m, const Unit *unit); /* before its first step, into dy; 0 where it knows none yet */

@@ -62,7 +62,7 @@ static int set_real_inputs(Master *m, const Unit *unit, const Scratch *scratch, 
 }
 
 /* Integers and Booleans: the value at the step's begin, or the one just computed by a unit before */
-static int set_discrete_inputs(Master *m, const Unit *unit) {
+int set_discrete_inputs(Master *m, const Unit *unit) {
   const Wire *wires = unit->wires + unit->real_inputs.n;
   for (size_t j = 0; j < unit->integer_inputs.n; j++) m->discrete[j] = (int)lround(m->p[wires[j].signal].a[0]);
   if (unit->integer_inputs.n &&

@@ -6,21 +6,27 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "monolithic/rodas.h"
+#include "monolithic/stepper.h"
 
 static const double SHORTEST = 1e-12; /* s, of a step and of what brackets an event */
 static const double LONGEST = 16e-3;  /* s */
 static const double FIRST = 1e-4;     /* s, tried first, and after an event */
 static const double CLOSE = 1e-7;     /* s, between events */
+static const double SHORT = 1.5e-3;   /* s, of steps that an explicit method may take as well */
+static const double COST = 3;         /* of an implicit step, in explicit ones */
+enum { TRIAL = 3, PATIENCE = 16, MOST_PATIENCE = 256 }; /* steps */
 enum { MOST_TRIES = 100, MOST_EVENTS_AT_ONCE = 64 };
 
 struct Monolithic {
   FieldSystem *system;
-  Rodas rodas;
+  Stepper stepper;
   bool asked[MOST_UNITS]; /* whether rows or sinks take outputs of a unit that are no states */
   double *before;         /* [n_outputs + n_inputs]: signals when the sinks were last stepped */
   int64_t sinks_at;       /* tick */
   double next_step, next_event; /* s */
+  bool is_explicit;
+  int trial, wait, patience;    /* steps left of a trial of the other method; steps until the next */
+  double other_step;            /* s, of the method that the one on trial would replace */
   double last_event, apart;     /* s: when, and how long no other is looked for */
   size_t next_break;            /* breaks[next_break] is later than now, the first such */
 };
@@ -33,7 +39,7 @@ static int trouble(Master *m, const char *what, double t) {
 Monolithic *monolithic_create(const Plan *plan) {
   Monolithic *o = calloc(1, sizeof *o);
   if (!o) return NULL;
-  o->system = o->rodas.system = system_create(plan);
+  o->system = o->stepper.system = system_create(plan);
   o->before = calloc(plan->n_outputs + plan->n_inputs + 1, sizeof *o->before);
   if (o->system && o->before) return o;
   monolithic_destroy(o);
@@ -69,17 +75,33 @@ int monolithic_begin(Monolithic *o, Master *m) {
   o->next_break = 0;
   o->sinks_at = 0;
   o->apart = 0;
+  o->is_explicit = false;
+  o->trial = 0;
+  o->wait = o->patience = PATIENCE;
   o->last_event = -INFINITY;
-  if (system_begin(o->system, o->rodas.x)) return trouble(m, "a unit is not initialized", time_of(m, 0));
+  if (system_begin(o->system, o->stepper.x)) return trouble(m, "a unit is not initialized", time_of(m, 0));
   for (size_t k = 0; k < o->system->n_units; k++) o->asked[k] = is_asked(&m->plan, &o->system->units[k]);
   if (monolithic_resume(o, m)) return -1;
   memcpy(o->before, o->system->signal, (m->plan.n_outputs + m->plan.n_inputs) * sizeof *o->before);
   return 0;
 }
 
+/* Integers and Booleans that the system's inputs drive; *moved where a unit has any */
+static int set_discrete(Monolithic *o, Master *m, bool *moved) {
+  for (size_t s = m->plan.n_outputs; s < m->plan.n_outputs + m->plan.n_inputs; s++)
+    m->p[s] = constant(o->system->signal[s]);
+  for (size_t k = 0; k < o->system->n_units; k++) {
+    const Unit *unit = o->system->units[k].unit;
+    if (unit->integer_inputs.n + unit->boolean_inputs.n == 0) continue;
+    if (set_discrete_inputs(m, unit)) return -1;
+    *moved = true;
+  }
+  return 0;
+}
+
 /* all that is due at the present point happens, and the integrator knows nothing of what follows */
 static int events_here(Monolithic *o, Master *m) {
-  Rodas *r = &o->rodas;
+  Stepper *r = &o->stepper;
   for (int n = 0; n < MOST_EVENTS_AT_ONCE; n++) {
     system_evaluate(o->system, r->t, r->x, r->f);
     if (n > 0 && !(system_indicator(o->system) > 0)) {
@@ -94,8 +116,10 @@ static int events_here(Monolithic *o, Master *m) {
 }
 
 int monolithic_resume(Monolithic *o, Master *m) {
-  o->rodas.t = time_of(m, m->tick);
-  return events_here(o, m);
+  bool moved;
+  o->stepper.t = time_of(m, m->tick);
+  system_evaluate(o->system, o->stepper.t, o->stepper.x, o->stepper.f);
+  return set_discrete(o, m, &moved) || events_here(o, m) ? -1 : 0;
 }
 
 /* A tick inside of the step last made: units whose outputs are taken are asked, sinks follow, a recorded tick gets its row. */
@@ -103,7 +127,7 @@ static int arrive(Monolithic *o, Master *m, int64_t tick, double **row) {
   const Plan *plan = &m->plan;
   const double t = time_of(m, tick), h = (double)(tick - o->sinks_at) * plan->step;
   double x[MOST_STATES], f[MOST_STATES];
-  rodas_between(&o->rodas, t, x);
+  between(&o->stepper, t, x);
   system_evaluate(o->system, t, x, f);
   for (size_t k = 0; k < o->system->n_units; k++) {
     const FieldUnit *u = &o->system->units[k];
@@ -140,7 +164,7 @@ static int write_rows(Monolithic *o, Master *m, int64_t last, double t, double *
 /* the largest indicator inside of the step last made */
 static double indicator_between(Monolithic *o, double t) {
   double x[MOST_STATES], f[MOST_STATES];
-  rodas_between(&o->rodas, t, x);
+  between(&o->stepper, t, x);
   system_evaluate(o->system, t, x, f);
   return system_indicator(o->system);
 }
@@ -148,7 +172,7 @@ static double indicator_between(Monolithic *o, double t) {
 /* Where in the step an event is due first, just behind the root of its indicator on the interpolant: the secant, every third
  * time a bisection. z_end: the indicator at the step's end. */
 static double first_event(Monolithic *o, double z_end) {
-  double low = o->rodas.t, high = low + o->rodas.h, z_low = indicator_between(o, low), z_high = z_end;
+  double low = o->stepper.t, high = low + o->stepper.h, z_low = indicator_between(o, low), z_high = z_end;
   const double enough = fmax(SHORTEST, 4 * DBL_EPSILON * fabs(high));
   for (int n = 0; n < MOST_TRIES && high - low > enough; n++) {
     double t = n % 3 == 2 || !(z_low < 0) ? low + (high - low) / 2 : high - z_high * (high - low) / (z_high - z_low);
@@ -159,7 +183,7 @@ static double first_event(Monolithic *o, double z_end) {
     else
       low = t, z_low = z;
   }
-  return fmin(fmax(high, o->rodas.t + o->apart), o->rodas.t + o->rodas.h);
+  return fmin(fmax(high, o->stepper.t + o->apart), o->stepper.t + o->stepper.h);
 }
 
 /* Events that follow each other closely are taken together, more and more of them: where a force rests at zero, rounding alone
@@ -172,27 +196,55 @@ static void space_events(Monolithic *o, double t) {
 /* How far the next step may go: to `end`, a turn of an input, an event that comes by time. */
 static double limit(Monolithic *o, const Master *m, double end) {
   const Plan *plan = &m->plan;
-  const double t = o->rodas.t;
+  const double t = o->stepper.t;
   while (o->next_break < plan->n_breaks && time_of(m, plan->breaks[o->next_break]) <= t + SHORTEST) o->next_break++;
   if (o->next_break < plan->n_breaks) end = fmin(end, time_of(m, plan->breaks[o->next_break]));
   return fmax(fmin(end, o->next_event) - t, 0);
 }
 
+static void change_method(Monolithic *o, double next_step) {
+  o->is_explicit = !o->is_explicit;
+  o->next_step = next_step;
+  o->wait = o->patience;
+}
+
+/* Which method takes the next step: an explicit step costs a third, so that it has to go a third as far. Now and then, more and
+ * more seldom where that leads nowhere, the other is tried for some steps; where steps are long, the explicit one is not. */
+static void choose_method(Monolithic *o, double h, bool accepted) {
+  const bool worth = o->is_explicit ? h * COST > o->other_step : h > o->other_step * COST;
+  if (o->trial == 0) {
+    if (!accepted || --o->wait > 0 || (!o->is_explicit && h > SHORT)) return;
+    o->other_step = h;
+    o->trial = TRIAL;
+    change_method(o, o->is_explicit ? 2 * COST * h : h);
+  } else if (worth && accepted) {
+    o->trial = 0;
+    o->wait = o->patience = PATIENCE;
+  } else if ((accepted && --o->trial == 0) || (!accepted && !worth)) {
+    o->trial = 0;
+    o->patience = o->patience < MOST_PATIENCE ? 2 * o->patience : MOST_PATIENCE;
+    change_method(o, o->other_step);
+  }
+}
+
 /* One step that the error allows, no further than by `most`; its end, or where an event is due within it, in *end. */
 static int make_step(Monolithic *o, Master *m, double most, double *end, bool *event) {
-  Rodas *r = &o->rodas;
-  double h = fmin(fmin(o->next_step, LONGEST), most);
-  if (h < most && h > most / 2) h = most / 2; /* rather than leaving a crumb */
+  Stepper *r = &o->stepper;
   for (;; m->count.rejected++) {
+    double h = fmin(fmin(o->next_step, LONGEST), most);
+    if (h < most && h > most / 2) h = most / 2; /* rather than leaving a crumb */
     if (!(h > SHORTEST / 4)) return trouble(m, "the step size went to zero", r->t);
-    const double error = rodas_step(r, h, m->plan.scheme.tolerance);
-    const double room = fmin(fmax(0.9 / pow(error, 0.25), 0.2), 4);
+    const bool is_explicit = o->is_explicit;
+    const double error = (is_explicit ? dopri_step : rodas_step)(r, h, m->plan.scheme.tolerance);
+    const double room = fmin(fmax(0.9 * pow(error, is_explicit ? -0.2 : -0.25), 0.2), 4);
     if (error <= 1) {
       o->next_step = h < o->next_step ? fmax(o->next_step, h * room) : h * room; /* cut short: nothing against longer ones */
+      choose_method(o, h, true);
       break;
     }
-    h *= error < 1e12 ? fmin(room, 0.8) : 0.1;
-    o->next_step = h;
+    if (is_explicit) system_evaluate(o->system, r->t, r->x, r->f); /* where an implicit step would begin */
+    o->next_step = h * (error < 1e12 ? fmin(room, 0.8) : 0.1);
+    choose_method(o, o->next_step, false);
   }
   m->count.steps++;
   *end = r->t + r->h;
@@ -204,8 +256,13 @@ static int make_step(Monolithic *o, Master *m, double most, double *end, bool *e
   return 0;
 }
 
+static bool at_break(const Monolithic *o, const Master *m) {
+  const Plan *plan = &m->plan;
+  return o->next_break < plan->n_breaks && time_of(m, plan->breaks[o->next_break]) <= o->stepper.t + SHORTEST;
+}
+
 int monolithic_advance(Monolithic *o, Master *m, int64_t tick, double *rows) {
-  Rodas *r = &o->rodas;
+  Stepper *r = &o->stepper;
   const double stop = time_of(m, tick);
   while (m->tick < tick) {
     const double most = limit(o, m, stop);
@@ -215,12 +272,13 @@ int monolithic_advance(Monolithic *o, Master *m, int64_t tick, double *rows) {
     if (end > r->t) {
       const bool reaches = end >= r->t + most - SHORTEST;
       if (write_rows(o, m, tick, end, &rows)) return -1;
-      rodas_between(r, end, r->x);
+      between(r, end, r->x);
       r->t = end;
       if (reaches && !event) event = r->t >= o->next_event - SHORTEST;
     }
     r->linear = false;
     system_evaluate(o->system, r->t, r->x, r->f);
+    if (at_break(o, m) && set_discrete(o, m, &event)) return -1;
     if (event && events_here(o, m)) return -1;
     const double most_steps = m->plan.scheme.pace * (1 + r->t - time_of(m, 0));
     if ((double)(m->count.steps + m->count.rejected) > most_steps)

@@ -1,7 +1,11 @@
-#include "monolithic/rodas.h"
-
-#include <float.h>
+/* RODAS, a Rosenbrock method of order 4(3), L-stable and stiffly accurate, with an interpolant of order 3
+ * (Hairer and Wanner 1996, "Solving Ordinary Differential Equations II", section IV.7, and their code of that name):
+ *
+ *   (I/(gamma h) - J) k_i = f(t + alpha_i h, x + sum_j a_ij k_j) + sum_j c_ij/h k_j + h d_i df/dt
+ */
 #include <math.h>
+
+#include "monolithic/stepper.h"
 
 enum { STAGES = 6 };
 static const double GAMMA = 0.25;
@@ -26,13 +30,13 @@ static const double H3[STAGES] = {-0.6762803392801253, 6.087714651680015, 16.430
                                   -6.594389125716872, 0};
 
 /* x + sum_j a_ij k_j */
-static void stage_point(const Rodas *r, int i, double x[]) {
+static void stage_point(const Stepper *r, int i, double x[]) {
   for (size_t n = 0; n < r->system->n; n++) x[n] = r->x[n];
   for (int j = 0; j < i; j++)
     for (size_t n = 0; n < r->system->n; n++) x[n] += A[i][j] * r->k[j][n];
 }
 
-double rodas_step(Rodas *r, double h, double tolerance) {
+double rodas_step(Stepper *r, double h, double tolerance) {
   FieldSystem *s = r->system;
   double x[MOST_STATES];
   r->h = h;
@@ -52,23 +56,14 @@ double rodas_step(Rodas *r, double h, double tolerance) {
       for (size_t n = 0; n < s->n; n++) k[n] += C[i][j] / h * r->k[j][n];
     solve(&r->factors, k);
   }
-  double worst = 0;
+  const double *last = r->k[STAGES - 1];
   for (size_t n = 0; n < s->n; n++) {
-    r->y[n] = x[n] + r->k[STAGES - 1][n];
-    const double e = fabs(r->k[STAGES - 1][n]) / (tolerance * s->nominal[n]);
-    if (!(e <= DBL_MAX)) return INFINITY;
-    worst = e > worst ? e : worst;
-    r->c2[n] = r->c3[n] = 0;
+    r->y[n] = x[n] + last[n];
+    r->c2[n] = r->c3[n] = r->c4[n] = 0;
     for (int j = 0; j < STAGES - 1; j++) {
       r->c2[n] += H2[j] * r->k[j][n];
       r->c3[n] += H3[j] * r->k[j][n];
     }
   }
-  return worst;
-}
-
-void rodas_between(const Rodas *r, double t, double x[]) {
-  const double s = (t - r->t) / r->h;
-  for (size_t n = 0; n < r->system->n; n++)
-    x[n] = r->x[n] * (1 - s) + s * (r->y[n] + (1 - s) * (r->c2[n] + s * r->c3[n]));
+  return norm(s, last, tolerance);
 }

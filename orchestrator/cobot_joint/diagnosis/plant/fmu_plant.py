@@ -31,7 +31,7 @@ from cobot_joint.system.model import Component, Connection, Connector, System
 from cobot_joint.system.wiring import ADDITIVE
 from cobot_joint.units import Shape, Term, Unit
 
-FASTEST = replace(MONOLITHIC, pace=2000.0)  # 1/s; there both schemes take as long (docs/decisions/0014-monolithic.md)
+FASTEST = replace(MONOLITHIC, pace=2e4)  # 1/s; there units that step themselves take as long
 MOTION, LOADS = ("rad", "rad/s", "m", "m/s"), ("N.m", "N", "A")  # units of measure
 
 

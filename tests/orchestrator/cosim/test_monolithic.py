@@ -1,0 +1,120 @@
+"""Scheme monolithic: the units' equations as one system, against closed forms and units that step themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from cobot_joint.cosim import Experiment, Simulation, SimulationError, simulate
+from cobot_joint.cosim.instances import SlowError
+from cobot_joint.cosim.schemes import MONOLITHIC
+from cobot_joint.errors import UserError
+from cobot_joint.system import Inputs, System, load_system
+from cobot_joint.system.model import Value
+
+Signals = Mapping[str, NDArray[np.float64]]
+HOLD = np.array([0.0, 0.02, 0.1, 0.6, 0.65, 1.5])
+INPUTS = Inputs(
+    HOLD,
+    {
+        "v_command": np.array([0.0, 12.0, 12.0, 12.0, -6.0, -6.0]),
+        "i_brake": np.array([0.0, 0.0, 0.3, 0.3, 0.3, 0.8]),
+        "tau_hold": np.array([0.0, 0.0, 0.0, 2.0, 0.0, 0.0]),
+    },
+)
+CHANNELS = ("i_motor", "w_motor", "tau_sensor")
+
+
+def both(system: System, stop: float = 1.5, **parameters: Value) -> tuple[Signals, Signals]:
+    """Monolithic, and from units that step themselves."""
+    named = {name.replace("__", "."): value for name, value in parameters.items()}
+    run = Experiment(INPUTS, stop, parameters=named)
+    return tuple(simulate(system, replace(run, scheme=s)).signals for s in ("monolithic", "adaptive"))  # type: ignore[return-value]
+
+
+def near(system: System, names: tuple[str, ...] = CHANNELS, **parameters: Value) -> None:
+    """The same within a hundredth of the logger's noise, rms."""
+    one, many = both(system, **parameters)
+    for name, noise in zip(names, (4e-3, 0.32, 5e-3), strict=True):
+        assert np.ptp(one[name]) > 10 * noise
+        assert np.sqrt(np.mean((one[name] - many[name]) ** 2)) <= noise / 100 * 4, name
+
+
+def test_a_coil_follows_a_ramp_as_its_closed_form_says() -> None:
+    """held rotor: L di/dt = v - R i, v = s t: i = s/R (t - L/R (1 - exp(-R t/L)))"""
+    R, L, slope = 0.209, 84.3e-6, 10.0
+    system = load_system("joint_no_load")
+    ramp = Inputs(np.array([0.0, 0.1]), {"v_command": np.array([0.0, 1.0])})
+    held = {"motor_bldc.friction.tau_C": 1.0, "motor_bldc.friction.w_C": 1e-3}
+    result = simulate(system, Experiment(ramp, 0.01, output_step=1e-4, scheme="monolithic", parameters=held))
+    t = result.time
+    expected = slope / R * (t - L / R * (1 - np.exp(-R * t / L)))
+    np.testing.assert_allclose(result.signals["i_motor"], expected, atol=2e-3 * expected[-1])
+    assert np.max(np.abs(result.signals["w_motor"])) < 1e-3
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {},
+        {"motor_bldc__cogging.A": 2e-3, "motor_bldc__cogging.n": 6.0},
+        {"torque_sensor__hysteresis.H": 0.05, "torque_sensor__hysteresis.tau_H": 0.3},
+        {"torque_sensor__low_pass.T": 0.02},
+        {"planetary_gear__presliding.share": 0.5},
+        {"planetary_gear__transmission_error.A": 1e-4},
+        {"mr_brake_belt__brake_release_lag.x": 0.5},
+    ],
+    ids=lambda p: next(iter(p), "base").split("__")[-1],
+)
+def test_every_kind_of_term_answers_as_where_units_step_themselves(parameters: dict[str, Value]) -> None:
+    near(load_system("joint"), **parameters)
+
+
+def test_the_logger_behind_the_joint_sees_the_same() -> None:
+    near(load_system("joint_logged"), **{"acquisition__speed_delay.T": 5e-3})
+
+
+def test_flanks_that_rest_at_zero_force_do_not_call_up_events_without_end() -> None:
+    """at constant speed nothing pushes an unloaded output: touching and letting go follow each other by rounding alone"""
+    steady = Inputs(np.array([0.0, 0.5]), {"v_command": np.array([0.0, 10.0])})
+    with Simulation(load_system("joint_no_load")) as simulation:
+        simulation.run(Experiment(steady, 6.0, scheme="monolithic"))
+        assert simulation.counters["steps"] < 5000
+
+
+def test_a_parameter_that_is_set_on_the_way_holds_from_then_on() -> None:
+    system = load_system("joint")
+    run = Experiment(INPUTS, 1.0, scheme="monolithic", parameter_events=[(0.4, {"motor_bldc.winding.R": 0.3})])
+    late, never = (simulate(system, r).signals["i_motor"] for r in (run, replace(run, parameter_events=())))
+    adaptive = simulate(system, replace(run, scheme="adaptive")).signals["i_motor"]
+    assert np.array_equal(late[:401], never[:401])
+    assert np.max(np.abs(late - never)) > 0.1
+    assert np.sqrt(np.mean((late - adaptive) ** 2)) < 2e-4
+
+
+def test_rows_do_not_depend_on_how_often_they_are_recorded() -> None:
+    system = load_system("joint")
+    fine, coarse = (
+        simulate(system, Experiment(INPUTS, 1.0, scheme="monolithic", output_step=step)).signals["w_motor"]
+        for step in (1e-3, 1e-2)
+    )
+    np.testing.assert_allclose(fine[::10], coarse, atol=1e-3)
+
+
+def test_a_run_that_exceeds_its_pace_is_given_up() -> None:
+    with pytest.raises(SlowError, match="more steps than its pace allows"):
+        simulate(load_system("joint"), Experiment(INPUTS, 1.5, scheme=replace(MONOLITHIC, pace=10.0)))
+
+
+def test_units_of_others_are_refused_by_name(make_oscillator: object) -> None:
+    with pytest.raises(SimulationError, match="inertia"):
+        simulate(make_oscillator(), Experiment(Inputs(np.array([0.0])), 1.0, scheme="monolithic"))  # type: ignore[operator]
+
+
+def test_the_plain_python_master_says_that_it_has_no_such_scheme() -> None:
+    with pytest.raises(UserError, match="monolithic"):
+        simulate(load_system("joint"), Experiment(INPUTS, 0.1, scheme="monolithic"), engine="reference")

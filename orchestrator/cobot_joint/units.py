@@ -126,6 +126,14 @@ class Unit:
             for unknown in self.description.outputs
         }
 
+    def feeds_through(self, output: str) -> list[str]:
+        """Inputs that an output depends on at once, not by way of a state; all where the unit does not say."""
+        inputs = [v.name for v in self.variables.values() if v.causality == "input"]
+        unknown = next((u for u in self.description.outputs if u.variable.name == output), None)
+        if unknown is None or unknown.dependencies is None:
+            return inputs
+        return [v.name for v in unknown.dependencies if v.causality == "input"]
+
     def choices_of(self, variable: str) -> Mapping[str, int]:
         """Name -> value, of an enumeration or of an Integer whose values the unit's annotations name; else nothing."""
         declared = self.variables[variable].declaredType

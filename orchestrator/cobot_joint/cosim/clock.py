@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,3 +73,13 @@ def turns(inputs: Inputs, clock: Clock, least: float = ROUNDING) -> NDArray[np.i
     near = np.round(ticks)
     exact = np.abs(ticks - near) < 1e-6
     return np.unique(np.concatenate([near[exact], np.floor(ticks[~exact]), np.ceil(ticks[~exact])])).astype(np.int64)
+
+
+def halfway(inputs: Inputs, clock: Clock, names: Collection[str]) -> NDArray[np.int64]:
+    """Ticks from which on an input is nearer to its next sample than to the last: whoever reads whole numbers sees it
+    jump there."""
+    middle = (inputs.time[1:] + inputs.time[:-1]) / 2
+    jumps = np.zeros(len(middle), dtype=bool)
+    for name in names:
+        jumps |= np.diff(inputs.values[name]) != 0
+    return np.ceil((middle[jumps] - clock.start) / clock.step - 1e-6).astype(np.int64)

@@ -6,7 +6,7 @@ recorded; Real, Integer, Boolean within each), then the system's own inputs.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 
@@ -238,9 +238,23 @@ def _plan_unit(
     )
 
 
+def discrete_inputs(system: System, names: Iterable[str]) -> list[str]:
+    """Those of a system's inputs that drive Integers or Booleans."""
+    driven = {
+        c.source
+        for c in system.connections
+        if c.source_component is None
+        and c.sink_component is not None
+        and _kind(system.component(c.sink_component).unit.variables[c.sink]) != "Real"
+    }
+    return [name for name in names if name in driven]
+
+
 def _order(driven: Sequence[Connection], sinks: set[str], instances: Sequence[Instance]) -> tuple[int, ...]:
     """Units by number, so that outputs which are no states are known before they are needed.
 
+    A unit of which somebody needs such an output before its own inputs are known comes twice, first among all; the
+    output then depends on states and the system's inputs alone.
     SimulationError: a unit has no vector field, gives another what is no Real, or they wait for each other.
     """
     names = [i.name for i in instances]
@@ -248,18 +262,27 @@ def _order(driven: Sequence[Connection], sinks: set[str], instances: Sequence[In
     for instance in instances:
         if instance.name in needs and not instance.field:
             raise SimulationError(f"scheme monolithic needs units of ours, in this process: {instance.name} is none")
+    from_units = {(c.sink_component, c.sink) for c in driven if c.source_component}
+    early: list[tuple[str, str]] = []
     for wire in driven:
         sink, source = str(wire.sink_component), wire.source_component
-        if sink not in needs:
+        if sink not in needs or source is None:
             continue
-        if source and _kind(instances[names.index(sink)].variables[wire.sink]) != "Real":
+        unit = instances[names.index(source)].component.unit
+        if _kind(unit.variables[wire.source]) != "Real":
             raise SimulationError(f"scheme monolithic passes on Reals from unit to unit: {wire.name} is none")
-        if source and wire.source not in instances[names.index(source)].component.unit.states:
+        if wire.source in unit.states:
+            continue
+        if any((source, name) in from_units for name in unit.feeds_through(wire.source)):
             needs[sink].add(source)
+        else:
+            early.append((source, sink))
     try:
-        return tuple(names.index(name) for name in TopologicalSorter(needs).static_order())
+        order = list(TopologicalSorter(needs).static_order())
     except CycleError as error:
         raise SimulationError(f"scheme monolithic: {among(error.args[1])} wait for each other's outputs") from error
+    first = dict.fromkeys(source for source, sink in early if order.index(source) >= order.index(sink))
+    return tuple(names.index(name) for name in (*first, *order))
 
 
 def _sinks(driven: Sequence[Connection], turned: set[Source], instances: Sequence[Instance]) -> set[str]:

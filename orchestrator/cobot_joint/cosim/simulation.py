@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.cosim import native
-from cobot_joint.cosim.clock import ROUNDING, SLIGHT, Clock, make_clock, turns
+from cobot_joint.cosim.clock import SLIGHT, Clock, halfway, make_clock, turns
 from cobot_joint.cosim.energy import mechanical_connections, unmeasured, works
 from cobot_joint.cosim.experiment import Experiment
 from cobot_joint.cosim.foreign.step_choice import PROBE, choose_step
 from cobot_joint.cosim.initialise import initialise
 from cobot_joint.cosim.instances import Instance, SimulationError, check_parameters
-from cobot_joint.cosim.plan import make_plan
+from cobot_joint.cosim.plan import discrete_inputs, make_plan
 from cobot_joint.cosim.reference.master import Master as ReferenceMaster
 from cobot_joint.cosim.schemes import DEFAULT, MONOLITHIC, WITHOUT_ROLLBACK, Scheme, scheme_of
 from cobot_joint.errors import UserError, among
@@ -181,8 +181,11 @@ class Simulation:
         parameters = check_parameters(self.system, e.parameters)
         initialise(self._order, self._instances, parameters, at_start, clock.start, e.stop_time)
         breaks = np.empty(0, dtype=np.int64)
-        if scheme.adaptive or scheme.monolithic:
-            breaks = turns(e.inputs, clock, SLIGHT if scheme.monolithic else ROUNDING)
+        if scheme.adaptive:
+            breaks = turns(e.inputs, clock)
+        elif scheme.monolithic:
+            jumps = halfway(e.inputs, clock, discrete_inputs(self.system, e.inputs.values))
+            breaks = np.union1d(turns(e.inputs, clock, SLIGHT), jumps)
         master: Master
         if self.engine == "native":
             master = native.Master(tables, scheme, e.inputs, clock, breaks)

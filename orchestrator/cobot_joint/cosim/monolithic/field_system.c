@@ -7,28 +7,41 @@ static const double DIFFERENCE = 3e-7; /* of what counts as much of a variable *
 static const double ALONG = 1e-7;      /* s */
 enum { ASK_ALL = 16 };                 /* columns that did not matter are asked again in every 16th Jacobian */
 
+static bool add_unit(FieldSystem *s, const Unit *unit) {
+  if (s->n_units == MOST_UNITS) return false;
+  FieldUnit *u = &s->units[s->n_units++];
+  *u = (FieldUnit){.unit = unit, .field = unit->field, .instance = unit->component, .first = s->n,
+                   .n = (size_t)unit->field->n_states};
+  if (s->n + u->n > MOST_STATES || u->n + unit->real_inputs.n + 1 > MOST_COLUMNS || u->field->n_events > MOST_EVENTS)
+    return false;
+  for (size_t i = 0; i < u->n; i++) s->nominal[s->n + i] = u->field->nominal((int32_t)i);
+  s->n += u->n;
+  return true;
+}
+
+/* the units in the plan's order; one that comes twice is visited twice */
+static bool add_units(FieldSystem *s) {
+  const Plan *plan = s->plan;
+  if (plan->n_ordered > 2 * MOST_UNITS) return false;
+  for (size_t v = 0; v < plan->n_ordered; v++) {
+    const Unit *unit = &plan->units[plan->order[v]];
+    size_t k = 0;
+    while (k < s->n_units && s->units[k].unit != unit) k++;
+    if (k == s->n_units && !add_unit(s, unit)) return false;
+    s->visits[s->n_visits++] = (Visit){(int32_t)k, true};
+    for (size_t before = 0; before < v; before++)
+      if (s->visits[before].unit == (int32_t)k) s->visits[before].last = false;
+  }
+  return true;
+}
+
 FieldSystem *system_create(const Plan *plan) {
   FieldSystem *s = calloc(1, sizeof *s);
-  if (!s || plan->n_ordered > MOST_UNITS) {
+  if (!s) return NULL;
+  s->plan = plan;
+  if (!add_units(s)) {
     free(s);
     return NULL;
-  }
-  s->plan = plan;
-  s->n_units = plan->n_ordered;
-  for (size_t k = 0; k < s->n_units; k++) {
-    FieldUnit *u = &s->units[k];
-    u->unit = &plan->units[plan->order[k]];
-    u->field = u->unit->field;
-    u->instance = u->unit->component;
-    u->first = s->n;
-    u->n = (size_t)u->field->n_states;
-    if (s->n + u->n > MOST_STATES || u->n + u->unit->real_inputs.n + 1 > MOST_COLUMNS ||
-        u->field->n_events > MOST_EVENTS) {
-      free(s);
-      return NULL;
-    }
-    for (size_t i = 0; i < u->n; i++) s->nominal[s->n + i] = u->field->nominal((int32_t)i);
-    s->n += u->n;
   }
   const size_t n = plan->n_outputs + plan->n_inputs + 1;
   s->signal = calloc(n, sizeof *s->signal);
@@ -91,8 +104,8 @@ void system_evaluate(FieldSystem *s, double t, const double x[], double f[]) {
     for (size_t j = 0; j < u->unit->real_outputs.n; j++)
       if (is_state(u, u->unit->real_outputs.refs[j])) y[j] = u->values[u->unit->real_outputs.refs[j]];
   }
-  for (size_t k = 0; k < s->n_units; k++) {
-    const FieldUnit *u = &s->units[k];
+  for (size_t v = 0; v < s->n_visits; v++) {
+    const FieldUnit *u = &s->units[s->visits[v].unit];
     const Unit *unit = u->unit;
     for (size_t j = 0; j < unit->real_inputs.n; j++)
       u->values[unit->real_inputs.refs[j]] = unit->wires[j].factor * s->signal[unit->wires[j].signal] + unit->wires[j].offset;
@@ -121,11 +134,11 @@ static bool differentiate(const FieldSystem *s, const FieldUnit *u, double t, do
 }
 
 /* adds what a unit's derivatives and outputs owe to one of its variables, whose own gradient and slope are known */
-static void chain(FieldSystem *s, const FieldUnit *u, const double by[], const double gradient[], uint64_t reaches,
+static void chain(FieldSystem *s, const FieldUnit *u, bool last, const double by[], const double gradient[], uint64_t reaches,
                   double slope, double J[][MOST_STATES], double f_t[]) {
   const size_t first = (size_t)u->unit->first_signal;
   for (size_t i = 0; i < u->n + u->unit->real_outputs.n; i++) {
-    if (by[i] == 0) continue;
+    if (by[i] == 0 || (i < u->n && !last)) continue;
     double *row = i < u->n ? J[u->first + i] : s->gradient[first + i - u->n];
     uint64_t *mask = i < u->n ? &s->rows[u->first + i] : &s->reaches[first + i - u->n];
     *(i < u->n ? &f_t[u->first + i] : &s->slope[first + i - u->n]) += by[i] * slope;
@@ -143,9 +156,11 @@ static double size_of_input(const FieldSystem *s, const Wire *wire, double value
   return own ? fabs(wire->factor) * s->plan->nominal[wire->signal] : fmax(1e-3, fabs(value));
 }
 
-static void unit_jacobian(FieldSystem *s, FieldUnit *u, double t, const double f[], bool all, double J[][MOST_STATES],
+static void unit_jacobian(FieldSystem *s, Visit visit, double t, const double f[], bool all, double J[][MOST_STATES],
                           double f_t[]) {
+  FieldUnit *u = &s->units[visit.unit];
   const Unit *unit = u->unit;
+  const bool last = visit.last;
   double by[2 * MOST_STATES + MOST_COLUMNS], own[MOST_STATES] = {0};
   for (size_t j = 0; j < unit->real_outputs.n; j++) { /* outputs that are states were known before */
     const size_t k = (size_t)unit->first_signal + j;
@@ -166,15 +181,15 @@ static void unit_jacobian(FieldSystem *s, FieldUnit *u, double t, const double f
       if (is_state(u, unit->real_outputs.refs[j])) by[u->n + j] = 0;
     if (state) {
       own[u->first + c] = 1;
-      chain(s, u, by, own, bit(u->first + c), 0, J, f_t);
+      chain(s, u, last, by, own, bit(u->first + c), 0, J, f_t);
       own[u->first + c] = 0;
     } else if (timed) {
-      chain(s, u, by, own, 0, 1, J, f_t);
+      chain(s, u, last, by, own, 0, 1, J, f_t);
     } else {
       double through[MOST_STATES];
       const uint64_t reaches = s->reaches[wire->signal];
       for (EACH(k, reaches)) through[lowest_bit(k)] = wire->factor * s->gradient[wire->signal][lowest_bit(k)];
-      chain(s, u, by, through, reaches, wire->factor * s->slope[wire->signal], J, f_t);
+      chain(s, u, last, by, through, reaches, wire->factor * s->slope[wire->signal], J, f_t);
     }
   }
 }
@@ -217,7 +232,7 @@ void system_jacobian(FieldSystem *s, double t, const double x[], const double f[
       s->slope[signal] = 0;
     }
   }
-  for (size_t k = 0; k < s->n_units; k++) unit_jacobian(s, &s->units[k], t, f, all, J, f_t);
+  for (size_t v = 0; v < s->n_visits; v++) unit_jacobian(s, s->visits[v], t, f, all, J, f_t);
   exact_along(s, t, x, f, J);
 }
 

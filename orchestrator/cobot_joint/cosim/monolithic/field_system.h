@@ -18,9 +18,16 @@ typedef struct { /* a unit among them */
 } FieldUnit;
 
 typedef struct {
+  int32_t unit;
+  bool last; /* all its inputs are known; before, only outputs that need none of them are */
+} Visit;
+
+typedef struct {
   const Plan *plan;
   size_t n_units, n;            /* without sinks; states in all */
-  FieldUnit units[MOST_UNITS];  /* in an order in which each finds its inputs known */
+  FieldUnit units[MOST_UNITS];
+  size_t n_visits;
+  Visit visits[2 * MOST_UNITS]; /* in an order in which each unit finds its inputs known */
   double *signal;               /* [n_outputs + n_inputs] */
   double *slope;                /* [n_outputs + n_inputs]: by time alone, of inputs between their samples */
   double (*gradient)[MOST_STATES]; /* [n_outputs + n_inputs]: of signals, by state */

@@ -22,7 +22,7 @@ EVIDENCE_IN_TABLE = (
 )
 # Beside a background a name is as sure as the share that it takes, so that a small one claims nothing; what it predicts
 # decides on the repair (AK80-9: 0.098 taken, the held-out error falls by a fifth).
-FIRST = 0.05  # of what is above noise, that a first term must take to be said to come nearest [naming]
+LEAST = 0.04  # of what is above noise, that a first term must take to come nearest, and a further feature [naming]
 # The next is the share of what a late onset leaves by which it must beat being there from the start: true ones did
 # by 0.48 or more of chi-square, terms beside two backgrounds by 0.03 at most [naming].
 WORTH = 0.1  # of what is above noise, that a later term must take, and a level of a variable hold [naming]
@@ -62,7 +62,6 @@ ALONE = 0.8  # of it, for a form or a load that needs no listed term beside it: 
 ENOUGH = 0.97  # of it, from which on no further forms or arguments are tried [naming]
 TABLE_FREEDOM = 4  # features that a smooth table counts for: its effective degrees of freedom [naming]
 NEAR_PORT = 0.5  # of the best port's gain, from which on a second one is looked at in full [naming]
-FEATURE_WORTH = 0.04  # of the excess, that a further feature must take [naming]
 
 EVEN = 0.5  # confidence, from which on a finding is a claim: the scorers' rule
 

@@ -132,7 +132,7 @@ class Selector:
         best, term = so_far.fit, winner.hypothesis.terms[-1].name
         gain, above = best.cost - winner.cost, best.chi2 - self.problem.samples
         taken = so_far.history[0].chi2 - best.chi2
-        if gain < (thresholds.INEXACT * taken if so_far.selected else thresholds.FIRST * above):
+        if gain < (thresholds.INEXACT * taken if so_far.selected else thresholds.LEAST * above):
             self.progress(f"{term} takes {share(gain, above)} of what is above noise: too little for a name")
             return False
         left = self.problem.excess(winner.residual), self.problem.excess(best.residual)
@@ -333,7 +333,7 @@ def worth_naming(problem: Problem, calibrated: Fit, selection: Selection) -> Sel
     """
     above = calibrated.chi2 - problem.samples
     kept = _worth(selection, thresholds.WORTH * above)
-    return kept if kept.selected else _worth(selection.up_to(1), thresholds.FIRST * above)
+    return kept if kept.selected else _worth(selection.up_to(1), thresholds.LEAST * above)
 
 
 def _worth(selection: Selection, least: float) -> Selection:

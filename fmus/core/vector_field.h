@@ -56,8 +56,8 @@ static double field_next_event(void *instance) {
   return next;
 }
 
-static const VectorField VECTOR_FIELD = {FIELD_VERSION, N_STATE,       FIRST_DER,        N_EVENT,
-                                         field_values,  field_nominal, field_evaluate,   field_observe,
-                                         field_indicators, field_happen, field_next_event};
+static const VectorField VECTOR_FIELD = {FIELD_VERSION,    N_STATE,       FIRST_DER,       N_EVENT,
+                                         field_values,     field_nominal, field_evaluate,  field_observe,
+                                         field_indicators, field_happen,  field_next_event};
 
 #endif

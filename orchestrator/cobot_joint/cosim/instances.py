@@ -163,7 +163,7 @@ class Instance:
         if function is None:
             return None
         function.restype, function.argtypes = ctypes.c_void_p, []
-        return function()  # type: ignore[no-any-return]
+        return function()
 
     def reset(self) -> None:
         """To the state after instantiation; a unit that cannot is instantiated anew."""

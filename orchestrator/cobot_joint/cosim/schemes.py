@@ -23,8 +23,8 @@ class Scheme:
                    not take the energy that its neighbour gives, is taken back and halved; steps double where there
                    is room
     tolerance      1; of `sweeps` and `adaptive`
-    monolithic     units of ours are one system of equations, integrated by a Rosenbrock method from event to event, and do
-                   not step themselves; `tolerance`: error of a step over each state's nominal value
+    monolithic     units of ours are one system of equations, integrated from event to event, and do not step
+                   themselves; `tolerance`: error of a step over each state's nominal value
     pace           1/s; of `monolithic`: steps per second of simulated time beyond which a run is given up (SlowError)
     step           s; the one that is used where none is given; of an adaptive scheme the longest, or the time between
                    rows where that is shorter

@@ -79,7 +79,7 @@ def test_the_logger_behind_the_joint_sees_the_same() -> None:
 
 
 def test_flanks_that_rest_at_zero_force_do_not_call_up_events_without_end() -> None:
-    """at constant speed nothing pushes an unloaded output: touching and letting go follow each other by rounding alone"""
+    """at constant speed nothing pushes an unloaded output: it touches and lets go by rounding alone"""
     steady = Inputs(np.array([0.0, 0.5]), {"v_command": np.array([0.0, 10.0])})
     with Simulation(load_system("joint_no_load")) as simulation:
         simulation.run(Experiment(steady, 6.0, scheme="monolithic"))

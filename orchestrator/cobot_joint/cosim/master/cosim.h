@@ -54,7 +54,7 @@ typedef struct {
   int32_t stairs; /* where input_order is 0: of how many equal parts, and a short last one, a step is made; 0: of one */
   int32_t output_derivatives;
   const VectorField *field; /* of a unit of ours, where the scheme is monolithic */
-  int32_t is_sink;          /* no other unit reads it: stepped once, when a step is final, from row to row; never taken back */
+  int32_t is_sink; /* no other unit reads it: stepped once, when a step is final, from row to row; never taken back */
 } Unit;
 
 typedef struct { /* work through two flanges that are wired together, J; power: what counts as much, W */
@@ -92,8 +92,8 @@ typedef struct {
   int64_t max_stride;       /* longest step in ticks: a power of two; 1 unless the scheme is adaptive */
   size_t n_breaks;
   const int64_t *breaks; /* [n_breaks], rising: ticks that no longer step may pass over, since inputs turn there */
-  size_t n_ordered;     /* monolithic: how many units are one system; 0: the units step themselves */
-  const int32_t *order; /* [n_ordered]: in which each finds its inputs known */
+  size_t n_ordered;      /* monolithic: how many units are one system; 0: the units step themselves */
+  const int32_t *order;  /* [n_ordered]: in which each finds its inputs known */
   Scheme scheme;
 } Plan;
 

@@ -16,16 +16,16 @@ struct Monolithic; /* ../monolithic */
 struct Master {
   Plan plan;
   struct Monolithic *monolithic; /* NULL: the units step themselves */
-  Scratch *scratch;          /* [n_units] */
-  Past *past;                /* [n_outputs] */
-  double *y, *dy;            /* [n_outputs]: at the end of the step under way */
-  double *expected;          /* [n_outputs]: what readers took for y */
-  Polynomial *p;             /* [n_outputs + n_inputs] */
-  double *work;              /* [n_ports], J: in the step under way */
-  double *total, *total_abs; /* [n_ports], J: since tick 0, and of its absolute value */
-  double *u, *du;            /* inputs of one unit and their derivatives */
-  fmi2Integer *first_order;  /* 1, 1, .. */
-  int *discrete;             /* Integers and Booleans of one unit */
+  Scratch *scratch;              /* [n_units] */
+  Past *past;                    /* [n_outputs] */
+  double *y, *dy;                /* [n_outputs]: at the end of the step under way */
+  double *expected;              /* [n_outputs]: what readers took for y */
+  Polynomial *p;                 /* [n_outputs + n_inputs] */
+  double *work;                  /* [n_ports], J: in the step under way */
+  double *total, *total_abs;     /* [n_ports], J: since tick 0, and of its absolute value */
+  double *u, *du;                /* inputs of one unit and their derivatives */
+  fmi2Integer *first_order;      /* 1, 1, .. */
+  int *discrete;                 /* Integers and Booleans of one unit */
   int64_t tick, stride;
   int64_t rows;      /* written since the beginning */
   int64_t calm;      /* steps since the last rejected one */

@@ -10,7 +10,10 @@ enum { ASK_ALL = 16 };                 /* columns that did not matter are asked 
 static bool add_unit(FieldSystem *s, const Unit *unit) {
   if (s->n_units == MOST_UNITS) return false;
   FieldUnit *u = &s->units[s->n_units++];
-  *u = (FieldUnit){.unit = unit, .field = unit->field, .instance = unit->component, .first = s->n,
+  *u = (FieldUnit){.unit = unit,
+                   .field = unit->field,
+                   .instance = unit->component,
+                   .first = s->n,
                    .n = (size_t)unit->field->n_states};
   if (s->n + u->n > MOST_STATES || u->n + unit->real_inputs.n + 1 > MOST_COLUMNS || u->field->n_events > MOST_EVENTS)
     return false;
@@ -108,7 +111,8 @@ void system_evaluate(FieldSystem *s, double t, const double x[], double f[]) {
     const FieldUnit *u = &s->units[s->visits[v].unit];
     const Unit *unit = u->unit;
     for (size_t j = 0; j < unit->real_inputs.n; j++)
-      u->values[unit->real_inputs.refs[j]] = unit->wires[j].factor * s->signal[unit->wires[j].signal] + unit->wires[j].offset;
+      u->values[unit->real_inputs.refs[j]] =
+          unit->wires[j].factor * s->signal[unit->wires[j].signal] + unit->wires[j].offset;
     u->field->evaluate(u->instance, t);
     double *y = s->signal + unit->first_signal;
     for (size_t j = 0; j < unit->real_outputs.n; j++) y[j] = u->values[unit->real_outputs.refs[j]];
@@ -134,8 +138,8 @@ static bool differentiate(const FieldSystem *s, const FieldUnit *u, double t, do
 }
 
 /* adds what a unit's derivatives and outputs owe to one of its variables, whose own gradient and slope are known */
-static void chain(FieldSystem *s, const FieldUnit *u, bool last, const double by[], const double gradient[], uint64_t reaches,
-                  double slope, double J[][MOST_STATES], double f_t[]) {
+static void chain(FieldSystem *s, const FieldUnit *u, bool last, const double by[], const double gradient[],
+                  uint64_t reaches, double slope, double J[][MOST_STATES], double f_t[]) {
   const size_t first = (size_t)u->unit->first_signal;
   for (size_t i = 0; i < u->n + u->unit->real_outputs.n; i++) {
     if (by[i] == 0 || (i < u->n && !last)) continue;
@@ -215,7 +219,8 @@ static void exact_along(FieldSystem *s, double t, const double x[], const double
   }
 }
 
-void system_jacobian(FieldSystem *s, double t, const double x[], const double f[], double J[][MOST_STATES], double f_t[]) {
+void system_jacobian(FieldSystem *s, double t, const double x[], const double f[], double J[][MOST_STATES],
+                     double f_t[]) {
   const bool all = s->asked++ % ASK_ALL == 0;
   for (size_t i = 0; i < s->n; i++) {
     memset(J[i], 0, s->n * sizeof(double));

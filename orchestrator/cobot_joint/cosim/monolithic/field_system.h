@@ -12,8 +12,8 @@ typedef struct { /* a unit among them */
   const Unit *unit;
   const VectorField *field;
   void *instance;
-  double *values;       /* its variables, by value reference */
-  size_t first, n;      /* its states in x */
+  double *values;                 /* its variables, by value reference */
+  size_t first, n;                /* its states in x */
   bool depends[MOST_COLUMNS + 1]; /* by column: whether a state, an input, the time was seen to matter */
 } FieldUnit;
 
@@ -24,19 +24,19 @@ typedef struct {
 
 typedef struct {
   const Plan *plan;
-  size_t n_units, n;            /* without sinks; states in all */
+  size_t n_units, n; /* without sinks; states in all */
   FieldUnit units[MOST_UNITS];
   size_t n_visits;
-  Visit visits[2 * MOST_UNITS]; /* in an order in which each unit finds its inputs known */
-  double *signal;               /* [n_outputs + n_inputs] */
-  double *slope;                /* [n_outputs + n_inputs]: by time alone, of inputs between their samples */
+  Visit visits[2 * MOST_UNITS];    /* in an order in which each unit finds its inputs known */
+  double *signal;                  /* [n_outputs + n_inputs] */
+  double *slope;                   /* [n_outputs + n_inputs]: by time alone, of inputs between their samples */
   double (*gradient)[MOST_STATES]; /* [n_outputs + n_inputs]: of signals, by state */
-  uint64_t *reaches;            /* [n_outputs + n_inputs]: states that a signal depends on */
-  size_t sample;                /* sample_time[sample] <= t < sample_time[sample + 1] */
+  uint64_t *reaches;               /* [n_outputs + n_inputs]: states that a signal depends on */
+  size_t sample;                   /* sample_time[sample] <= t < sample_time[sample + 1] */
   double nominal[MOST_STATES];
-  uint64_t rows[MOST_STATES];   /* where J may differ from zero */
-  bool rows_grew;               /* since somebody looked */
-  int64_t asked;                /* how often J was asked for */
+  uint64_t rows[MOST_STATES]; /* where J may differ from zero */
+  bool rows_grew;             /* since somebody looked */
+  int64_t asked;              /* how often J was asked for */
 } FieldSystem;
 
 /* Of the units in the plan's `order`. NULL: out of memory, or it is too large. */
@@ -49,7 +49,8 @@ int system_begin(FieldSystem *s, double x[]);
 void system_evaluate(FieldSystem *s, double t, const double x[], double f[]);
 /* J = df/dx and df/dt at t, x, the point last evaluated, where f was found, by differences of one unit at a time; units are
  * somewhere else afterwards */
-void system_jacobian(FieldSystem *s, double t, const double x[], const double f[], double J[][MOST_STATES], double f_t[]);
+void system_jacobian(FieldSystem *s, double t, const double x[], const double f[], double J[][MOST_STATES],
+                     double f_t[]);
 /* Positive where an event is due: the largest indicator at the point last evaluated; -INFINITY without events */
 double system_indicator(FieldSystem *s);
 /* What is due happens; x is what it leaves. -1: events follow each other without end */

@@ -24,7 +24,10 @@ static inline uint64_t bit(size_t k) { return UINT64_C(1) << k; }
 static inline uint64_t below(size_t k) { return bit(k) - 1; }
 static inline uint64_t above(size_t k) { return ~(below(k) | bit(k)); }
 /* for every set bit: `for (EACH(k, mask)) { const size_t j = lowest_bit(k); .. }` */
-#define EACH(k, mask) uint64_t k = (mask); k; k &= k - 1
+#define EACH(k, mask)                                                                                                  \
+  uint64_t k = (mask);                                                                                                 \
+  k;                                                                                                                   \
+  k &= k - 1
 
 typedef struct {
   size_t n;

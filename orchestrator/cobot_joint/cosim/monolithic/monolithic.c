@@ -8,27 +8,27 @@
 
 #include "monolithic/stepper.h"
 
-static const double SHORTEST = 1e-12; /* s, of a step and of what brackets an event */
-static const double LONGEST = 16e-3;  /* s */
-static const double FIRST = 1e-4;     /* s, tried first, and after an event */
-static const double CLOSE = 1e-7;     /* s, between events */
-static const double SHORT = 1.5e-3;   /* s, of steps that an explicit method may take as well */
-static const double COST = 3;         /* of an implicit step, in explicit ones */
+static const double SHORTEST = 1e-12;                   /* s, of a step and of what brackets an event */
+static const double LONGEST = 16e-3;                    /* s */
+static const double FIRST = 1e-4;                       /* s, tried first, and after an event */
+static const double CLOSE = 1e-7;                       /* s, between events */
+static const double SHORT = 1.5e-3;                     /* s, of steps that an explicit method may take as well */
+static const double COST = 3;                           /* of an implicit step, in explicit ones */
 enum { TRIAL = 3, PATIENCE = 16, MOST_PATIENCE = 256 }; /* steps */
 enum { MOST_TRIES = 100, MOST_EVENTS_AT_ONCE = 64 };
 
 struct Monolithic {
   FieldSystem *system;
   Stepper stepper;
-  bool asked[MOST_UNITS]; /* whether rows or sinks take outputs of a unit that are no states */
-  double *before;         /* [n_outputs + n_inputs]: signals when the sinks were last stepped */
-  int64_t sinks_at;       /* tick */
+  bool asked[MOST_UNITS];       /* whether rows or sinks take outputs of a unit that are no states */
+  double *before;               /* [n_outputs + n_inputs]: signals when the sinks were last stepped */
+  int64_t sinks_at;             /* tick */
   double next_step, next_event; /* s */
   bool is_explicit;
-  int trial, wait, patience;    /* steps left of a trial of the other method; steps until the next */
-  double other_step;            /* s, of the method that the one on trial would replace */
-  double last_event, apart;     /* s: when, and how long no other is looked for */
-  size_t next_break;            /* breaks[next_break] is later than now, the first such */
+  int trial, wait, patience; /* steps left of a trial of the other method; steps until the next */
+  double other_step;         /* s, of the method that the one on trial would replace */
+  double last_event, apart;  /* s: when, and how long no other is looked for */
+  size_t next_break;         /* breaks[next_break] is later than now, the first such */
 };
 
 static int trouble(Master *m, const char *what, double t) {
@@ -238,7 +238,8 @@ static int make_step(Monolithic *o, Master *m, double most, double *end, bool *e
     const double error = (is_explicit ? dopri_step : rodas_step)(r, h, m->plan.scheme.tolerance);
     const double room = fmin(fmax(0.9 * pow(error, is_explicit ? -0.2 : -0.25), 0.2), 4);
     if (error <= 1) {
-      o->next_step = h < o->next_step ? fmax(o->next_step, h * room) : h * room; /* cut short: nothing against longer ones */
+      o->next_step =
+          h < o->next_step ? fmax(o->next_step, h * room) : h * room; /* cut short: nothing against longer ones */
       choose_method(o, h, true);
       break;
     }

@@ -16,8 +16,8 @@ typedef struct {
 
 /* A step of length h from t, x, f, which are set and where the units are. Returns the error over `tolerance` of what counts as
  * much of each state; infinite where there is no such step. */
-double rodas_step(Stepper *r, double h, double tolerance);  /* however stiff the system is */
-double dopri_step(Stepper *r, double h, double tolerance);  /* at a third of the cost, for steps that are short anyway */
+double rodas_step(Stepper *r, double h, double tolerance); /* however stiff the system is */
+double dopri_step(Stepper *r, double h, double tolerance); /* at a third of the cost, for steps that are short anyway */
 
 /* x at a time inside of the step last tried */
 static inline void between(const Stepper *r, double t, double x[]) {

@@ -1,7 +1,7 @@
-"""Scheme monolithic beside adaptive, on one core: `python -m benchmarks.monolithic [SHARED]`, as rows of a Markdown table.
+"""Scheme monolithic beside adaptive, on one core: `python -m benchmarks.monolithic [SHARED]`, as rows of Markdown tables.
 
-Errors are rms against the reference solutions in SHARED/reference; terms are switched on one at a time, 16 s of open/case14's
-runs, and the difference is that between the two schemes.
+Errors are rms against the reference solutions in SHARED/reference. Terms are switched on one at a time, over 16 s of
+proof/open/case14's runs; there the difference is that between the two schemes.
 """
 
 from __future__ import annotations
@@ -65,7 +65,9 @@ def terms() -> None:
     for title, parameters in TERMS.items():
         for recording in campaign.train:
             system, t = campaign.systems()[recording.setup], recording.time - recording.time[0]
-            there = {name: x for name, x in parameters.items() if name.split(".")[0] in [c.name for c in system.components]}
+            there = {
+                name: x for name, x in parameters.items() if name.split(".")[0] in [c.name for c in system.components]
+            }
             run = {"inputs": Inputs(t, dict(recording.inputs)), "stop_time": float(t[-1]), "parameters": there}
             (one, slow, _), (other, fast, _) = runs(system, run).values()
             difference = rms(np.asarray(one.signals["i_motor"] - other.signals["i_motor"]))

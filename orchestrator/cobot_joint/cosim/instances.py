@@ -30,8 +30,8 @@ class SimulationError(RuntimeError):
     """A run failed: which unit, which call, at what time, and what the unit logged last."""
 
 
-class SlowError(SimulationError):
-    """A run takes more steps than its scheme allows: another may be faster."""
+class UnfitError(SimulationError):
+    """A scheme is not for this run: it takes too many steps, or a unit's output follows from no state and no input."""
 
 
 class UnitEndedError(SimulationError):

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from cobot_joint.cosim import library
 from cobot_joint.cosim.clock import Clock
-from cobot_joint.cosim.instances import SimulationError, SlowError
+from cobot_joint.cosim.instances import SimulationError, UnfitError
 from cobot_joint.cosim.plan import Plan, PlannedUnit, Wire
 from cobot_joint.cosim.schemes import Scheme
 from cobot_joint.system.model import Inputs
 
-
-_SLOW = 1  # cosim.h
+_UNFIT = 1  # cosim.h
 
 
 class _Wire(ctypes.Structure):
@@ -258,7 +257,7 @@ class Master:
         failed = next((u.instance for u in self._tables.plan.units if message.startswith(f"{u.instance.name}:")), None)
         if failed:
             raise failed.failure(message.removeprefix(f"{failed.name}: "))
-        raise SlowError(message) if status == _SLOW else SimulationError(message)
+        raise UnfitError(message) if status == _UNFIT else SimulationError(message)
 
 
 def _wires(wires: tuple[Wire, ...]) -> ctypes.Array[_Wire]:

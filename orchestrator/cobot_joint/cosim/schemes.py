@@ -25,7 +25,7 @@ class Scheme:
     tolerance      1; of `sweeps` and `adaptive`
     monolithic     units of ours are one system of equations, integrated from event to event, and do not step
                    themselves; `tolerance`: error of a step over each state's nominal value
-    pace           1/s; of `monolithic`: steps per second of simulated time beyond which a run is given up (SlowError)
+    pace           1/s; of `monolithic`: steps per second of simulated time beyond which a run is given up (UnfitError)
     step           s; the one that is used where none is given; of an adaptive scheme the longest, or the time between
                    rows where that is shorter
     shortest       s; step of an adaptive scheme, or somewhat below, so that doubled steps meet recorded points

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from cobot_joint.cosim import Experiment, Simulation, SimulationError, simulate
-from cobot_joint.cosim.instances import SlowError
+from cobot_joint.cosim.instances import UnfitError
 from cobot_joint.cosim.schemes import MONOLITHIC
 from cobot_joint.errors import UserError
 from cobot_joint.system import Inputs, System, load_system
@@ -26,6 +26,7 @@ INPUTS = Inputs(
         "tau_hold": np.array([0.0, 0.0, 0.0, 2.0, 0.0, 0.0]),
     },
 )
+NOTHING = Inputs(np.array([0.0]))  # inputs keep their start values
 CHANNELS = ("i_motor", "w_motor", "tau_sensor")
 
 
@@ -106,15 +107,25 @@ def test_rows_do_not_depend_on_how_often_they_are_recorded() -> None:
 
 
 def test_a_run_that_exceeds_its_pace_is_given_up() -> None:
-    with pytest.raises(SlowError, match="more steps than its pace allows"):
+    with pytest.raises(UnfitError, match="more steps than its pace allows"):
         simulate(load_system("joint"), Experiment(INPUTS, 1.5, scheme=replace(MONOLITHIC, pace=10.0)))
 
 
 def test_units_of_others_are_refused_by_name(make_oscillator: object) -> None:
     with pytest.raises(SimulationError, match="inertia"):
-        simulate(make_oscillator(), Experiment(Inputs(np.array([0.0])), 1.0, scheme="monolithic"))  # type: ignore[operator]
+        simulate(make_oscillator(), Experiment(NOTHING, 1.0, scheme="monolithic"))  # type: ignore[operator]
 
 
 def test_the_plain_python_master_says_that_it_has_no_such_scheme() -> None:
     with pytest.raises(UserError, match="monolithic"):
         simulate(load_system("joint"), Experiment(INPUTS, 0.1, scheme="monolithic"), engine="reference")
+
+
+def test_a_reading_once_per_communication_step_is_left_to_units_that_step_themselves() -> None:
+    """the encoder's speed drives the gear in place of the rotor's"""
+    joint = load_system("joint_no_load")
+    wires = tuple(
+        replace(c, source="w_reading") if c.source == "w" and c.sink_component else c for c in joint.connections
+    )
+    with pytest.raises(UnfitError, match="motor_bldc gives another what does not follow"):
+        simulate(replace(joint, connections=wires), Experiment(NOTHING, 0.1, scheme="monolithic"))

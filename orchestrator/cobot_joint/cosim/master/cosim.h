@@ -102,7 +102,7 @@ typedef struct {
 } Counters;
 
 typedef struct Master Master;
-enum { COSIM_SLOW = 1 }; /* of calls that else return 0, or -1 with a message */
+enum { COSIM_UNFIT = 1 }; /* another scheme may do better; calls else return 0, or -1; with a message */
 
 /* The plan's arrays stay the caller's and have to outlive the master. NULL: out of memory. */
 COSIM_API Master *cosim_create(const Plan *plan);

@@ -65,18 +65,46 @@ void system_destroy(FieldSystem *s) {
   free(s);
 }
 
-int system_begin(FieldSystem *s, double x[]) {
+const Unit *system_begin(FieldSystem *s, double x[]) {
   for (size_t k = 0; k < s->n_units; k++) {
     FieldUnit *u = &s->units[k];
     u->values = u->field->values(u->instance);
-    if (!u->values) return -1;
+    if (!u->values) return u->unit;
     memcpy(x + u->first, u->values, u->n * sizeof *x);
     for (size_t c = 0; c <= MOST_COLUMNS; c++) u->depends[c] = true;
   }
   for (size_t i = 0; i < s->n; i++) s->rows[i] = 0;
   s->rows_grew = true;
-  s->asked = s->sample = 0;
-  return 0;
+  s->asked = 0;
+  s->sample = 0;
+  return NULL;
+}
+
+static inline bool is_state(const FieldUnit *u, fmi2ValueReference ref) { return ref < u->n; }
+
+static bool drives(const FieldSystem *s, size_t signal) {
+  for (size_t k = 0; k < s->n_units; k++)
+    for (size_t j = 0; j < s->units[k].unit->real_inputs.n; j++)
+      if ((size_t)s->units[k].unit->wires[j].signal == signal) return true;
+  return false;
+}
+
+const Unit *system_unfit(FieldSystem *s, double t) {
+  for (size_t k = 0; k < s->n_units; k++) {
+    const FieldUnit *u = &s->units[k];
+    for (size_t j = 0; j < u->unit->real_outputs.n; j++) {
+      if (is_state(u, u->unit->real_outputs.refs[j]) || !drives(s, (size_t)u->unit->first_signal + j)) continue;
+      double *y = u->values + u->unit->real_outputs.refs[j];
+      const double before = *y;
+      *y = NAN;
+      u->field->evaluate(u->instance, t);
+      const bool given = !isnan(*y);
+      *y = before;
+      if (!given) return u->unit;
+    }
+    u->field->evaluate(u->instance, t);
+  }
+  return NULL;
 }
 
 /* inputs of the system: linear between samples, held outside; their slopes besides */
@@ -95,8 +123,6 @@ static void read_samples(FieldSystem *s, double t) {
     s->slope[p->n_outputs + j] = slope;
   }
 }
-
-static inline bool is_state(const FieldUnit *u, fmi2ValueReference ref) { return ref < u->n; }
 
 void system_evaluate(FieldSystem *s, double t, const double x[], double f[]) {
   read_samples(s, t);

@@ -43,8 +43,10 @@ typedef struct {
 FieldSystem *system_create(const Plan *plan);
 void system_destroy(FieldSystem *s);
 
-/* Takes the states from the units as they are now. -1: a unit is not initialized. */
-int system_begin(FieldSystem *s, double x[]);
+/* Takes the states from the units as they are now. Returns a unit that is not initialized, or NULL. */
+const Unit *system_begin(FieldSystem *s, double x[]);
+/* A unit of which another reads what its equations do not give, such as a reading once per communication step; or NULL. */
+const Unit *system_unfit(FieldSystem *s, double t);
 /* dx/dt; units keep the point, signals are those of it */
 void system_evaluate(FieldSystem *s, double t, const double x[], double f[]);
 /* J = df/dx and df/dt at t, x, the point last evaluated, where f was found, by differences of one unit at a time; units are

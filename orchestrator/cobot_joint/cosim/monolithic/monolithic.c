@@ -36,6 +36,10 @@ static int trouble(Master *m, const char *what, double t) {
   return -1;
 }
 
+static void refused(Master *m, const Unit *unit, const char *why) {
+  snprintf(m->message, sizeof m->message, "the units as one system: %s %s", unit->name, why);
+}
+
 Monolithic *monolithic_create(const Plan *plan) {
   Monolithic *o = calloc(1, sizeof *o);
   if (!o) return NULL;
@@ -79,7 +83,10 @@ int monolithic_begin(Monolithic *o, Master *m) {
   o->trial = 0;
   o->wait = o->patience = PATIENCE;
   o->last_event = -INFINITY;
-  if (system_begin(o->system, o->stepper.x)) return trouble(m, "a unit is not initialized", time_of(m, 0));
+  const Unit *unit = system_begin(o->system, o->stepper.x);
+  if (unit) return refused(m, unit, "is not initialized"), -1;
+  if ((unit = system_unfit(o->system, time_of(m, 0))))
+    return refused(m, unit, "gives another what does not follow from its states and inputs"), COSIM_UNFIT;
   for (size_t k = 0; k < o->system->n_units; k++) o->asked[k] = is_asked(&m->plan, &o->system->units[k]);
   if (monolithic_resume(o, m)) return -1;
   memcpy(o->before, o->system->signal, (m->plan.n_outputs + m->plan.n_inputs) * sizeof *o->before);
@@ -283,7 +290,7 @@ int monolithic_advance(Monolithic *o, Master *m, int64_t tick, double *rows) {
     if (event && events_here(o, m)) return -1;
     const double most_steps = m->plan.scheme.pace * (1 + r->t - time_of(m, 0));
     if ((double)(m->count.steps + m->count.rejected) > most_steps)
-      return trouble(m, "more steps than its pace allows", r->t), COSIM_SLOW;
+      return trouble(m, "more steps than its pace allows", r->t), COSIM_UNFIT;
   }
   return 0;
 }

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.cosim import Simulation
-from cobot_joint.cosim.instances import SlowError, UnitEndedError
+from cobot_joint.cosim.instances import UnfitError, UnitEndedError
 from cobot_joint.cosim.schemes import MONOLITHIC
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.plant import (
@@ -112,7 +112,7 @@ class FmuPlant:
                     record=[*recording.outputs, *signals],
                 )
                 if simulation.is_one_system:
-                    with suppress(SlowError):  # ripple of a high order: units that step themselves are faster then
+                    with suppress(UnfitError):  # ripple of a high order: units that step themselves are faster then
                         return run(scheme=FASTEST)
                 return run()
             except SimulationError as error:

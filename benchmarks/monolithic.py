@@ -1,4 +1,4 @@
-"""Scheme monolithic beside adaptive, on one core: `python -m benchmarks.monolithic [SHARED]`, as rows of Markdown tables.
+"""Scheme monolithic beside adaptive, on one core: `python -m benchmarks.monolithic [SHARED]`, as Markdown tables.
 
 Errors are rms against the reference solutions in SHARED/reference. Terms are switched on one at a time, over 16 s of
 proof/open/case14's runs; there the difference is that between the two schemes.

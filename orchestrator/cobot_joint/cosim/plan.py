@@ -20,6 +20,7 @@ from cobot_joint.system.model import Connection, System
 from cobot_joint.units import TOOL
 
 TYPES = ("Real", "Integer", "Boolean")
+MOST_STATES = 64  # cosim/monolithic/linear.h
 STAIRS = 8  # parts of a step, for units that hold their inputs over each
 Source = tuple[str | None, str]  # component, variable
 Columns = list[list[ModelVariable]]  # by type, in TYPES' order
@@ -262,6 +263,8 @@ def _order(driven: Sequence[Connection], sinks: set[str], instances: Sequence[In
     for instance in instances:
         if instance.name in needs and not instance.field:
             raise SimulationError(f"scheme monolithic needs units of ours, in this process: {instance.name} is none")
+    if (states := sum(len(i.component.unit.states) for i in instances if i.name in needs)) > MOST_STATES:
+        raise SimulationError(f"scheme monolithic has room for {MOST_STATES} states, the units have {states}")
     from_units = {(c.sink_component, c.sink) for c in driven if c.source_component}
     early: list[tuple[str, str]] = []
     for wire in driven:

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from cobot_joint.diagnosis.plant.at_once import at_once
 from cobot_joint.diagnosis.plant.plant import TermCandidate
 from cobot_joint.diagnosis.state_estimation.estimator import StateEstimator, Tracked
-from cobot_joint.diagnosis.state_estimation.kalman import respond
-from cobot_joint.diagnosis.state_estimation.sampled import Piece
+from cobot_joint.diagnosis.state_estimation.native.kalman import respond
 from cobot_joint.system.model import Value
 
 Array = NDArray[np.float64]
@@ -73,14 +72,7 @@ class Evidence:
     def __init__(self, trackings: Sequence[Tracking], tolerances: Mapping[str, tuple[float, float]]) -> None:
         self.trackings = list(trackings)
         self.tolerances = dict(tolerances)
-        self._pieces = [Piece(t.tracked.time, t.tracked.x, t.tracked.y, _inputs(t), t.tracked.signals)
-                        for t in self.trackings]  # fmt: skip
-        tangents = [t.tracked.tangents for t in self.trackings]
-        self._Hold, self._T = (
-            [np.concatenate([getattr(p, f) for p in parts]) for parts in tangents] for f in ("Hold", "T")
-        )
         self._parts: dict[int, tuple[Array, Array]] = {}
-        self._S = [np.concatenate([parts[0].S, *(p.S[1:] for p in parts[1:])]) for parts in tangents]
         self.parameters = [name for name in tolerances if any(self._has(t, name) for t in self.trackings)]
         self.base = self._of_parameters()
         self._base = _Columns(self, self.base)
@@ -128,8 +120,8 @@ class Evidence:
         for n, (t, v) in enumerate(zip(self.trackings, values, strict=True)):
             column = t.estimator.ports.index(port)
             Phi, Hold = self._part_of_step(n)
-            B = np.concatenate([tangent.Gamma[:, :, column] for tangent in t.tracked.tangents])
-            B = np.linalg.solve(self._Hold[n], B[:, :, None])  # what the port adds to the derivatives
+            B = t.tracked.tangent.Gamma[:, :, column]
+            B = np.asarray(np.linalg.solve(t.tracked.tangent.Hold, B[:, :, None]))  # what it adds to the derivatives
             parts = v.reshape(len(B), POINTS, -1)
             found = np.zeros((len(B), t.estimator.x.stop, parts.shape[2]))
             for k in range(POINTS):
@@ -197,7 +189,7 @@ class Evidence:
             t = self.trackings[n]
             if self._has(t, term.name):
                 return self._of_amplitudes(n, term.amplitude, values, orders)
-            shape = (*t.tracked.y.shape, len(values))
+            shape = (*t.tracked.steps.r.shape, len(values))
             return np.zeros((shape[0] - 1, t.estimator.x.stop, len(values))), np.zeros(shape)
 
         found = at_once(of_one, range(len(self.trackings)))
@@ -214,19 +206,20 @@ class Evidence:
         psi, samples = [], []
         for value, order in zip(values, orders, strict=True):
             inner, outer = t.estimator.lineariser.added(
-                amplitude, value, self._pieces[n].time, t.tracked.x, self._pieces[n]
+                amplitude, value, t.tracked.piece.time, t.tracked.x, t.tracked.piece
             )
             samples.append(outer)
             if order * fastest > TURN:
                 psi.append(self._inside(n, amplitude, value))
             else:
                 inner, outer = ((M[1:] + M[:-1]) / 2 for M in (inner, outer))
-                psi.append(_times(self._Hold[n], inner + _times(self._T[n], outer)))
-        return np.stack(psi, axis=-1), self._S[n] @ np.stack(samples, axis=-1)
+                psi.append(_times(t.tracked.tangent.Hold, inner + _times(t.tracked.tangent.T, outer)))
+        return np.stack(psi, axis=-1), t.tracked.tangent.S @ np.stack(samples, axis=-1)
 
     def _inside(self, n: int, amplitude: str, values: Mapping[str, Value]) -> Array:
         """(n - 1, states): of what changes within a step, summed over parts of it; states are linear in between."""
-        t, piece = self.trackings[n], self._pieces[n]
+        t = self.trackings[n]
+        piece = t.tracked.piece
         x, steps = t.tracked.x, len(t.tracked.x) - 1
         share = np.tile((np.arange(POINTS) + 0.5) / POINTS, steps)[:, None]
         first = np.repeat(np.arange(steps), POINTS)
@@ -238,15 +231,14 @@ class Evidence:
         Phi, Hold = self._part_of_step(n)
         found = np.zeros((steps, t.estimator.x.stop))
         for k in range(POINTS):
-            found = _times(Phi, found) + _times(Hold, inner[:, k] + _times(self._T[n], outer[:, k]))
+            found = _times(Phi, found) + _times(Hold, inner[:, k] + _times(t.tracked.tangent.T, outer[:, k]))
         return found
 
     def _part_of_step(self, n: int) -> tuple[Array, Array]:
         """Phi and Hold of a part of each step; kept, since every periodic term asks for them."""
         if n not in self._parts:
             t = self.trackings[n]
-            A = np.concatenate([tangent.A for tangent in t.tracked.tangents])
-            self._parts[n] = t.estimator.lineariser.step(A, t.tracked.recording.step / POINTS)
+            self._parts[n] = t.estimator.lineariser.step(t.tracked.tangent.A, t.tracked.recording.step / POINTS)
         return self._parts[n]
 
     def _of_parameters(self) -> Effect:
@@ -258,7 +250,9 @@ class Evidence:
                     [p.psi[n] for p in parts] or [np.zeros((len(t.tracked.time) - 1, t.estimator.x.stop, 0))], axis=2
                 )
             )
-            direct.append(np.concatenate([p.direct[n] for p in parts] or [np.zeros((*t.tracked.y.shape, 0))], axis=2))
+            direct.append(
+                np.concatenate([p.direct[n] for p in parts] or [np.zeros((*t.tracked.steps.r.shape, 0))], axis=2)
+            )
         return Effect(psi, direct)
 
     @staticmethod
@@ -295,7 +289,3 @@ def _angles(t: Tracking, parameter: str) -> list[int]:
 def _times(M: Array, v: Array) -> Array:
     """Matrix by vector, step by step: (n, i, j), (n, j) -> (n, i)"""
     return np.asarray((M @ v[:, :, None])[:, :, 0])
-
-
-def _inputs(t: Tracking) -> dict[str, Array]:
-    return {**t.tracked.recording.inputs, **t.estimator.entering(t.tracked.reference[:, t.estimator.d])}

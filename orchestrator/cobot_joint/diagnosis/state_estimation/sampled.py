@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from types import TracebackType
 
 import numpy as np
@@ -18,14 +19,38 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class Layout:
+    """Where what is recorded of a system stands in a table: the states first; channels: their columns."""
+
+    columns: Mapping[str, int]
+    channels: list[int]
+
+
+@dataclass(frozen=True)
 class Piece:
-    """A run from given states. time: (n,), s; x: (n, states); y: (n, channels); inputs and signals: name -> (n,)."""
+    """A run from given states. time: (n,), s; x: (n, states), inside their bounds; table: (n, recorded signals), as
+    they were; inputs: name -> (n,)."""
 
     time: Array
     x: Array
-    y: Array
+    table: Array
     inputs: Mapping[str, Array]
-    signals: Mapping[str, Array]
+    layout: Layout
+
+    def __getitem__(self, rows: slice) -> Piece:
+        """A stretch of it."""
+        inputs = {name: u[rows] for name, u in self.inputs.items()}
+        return Piece(self.time[rows], self.x[rows], self.table[rows], inputs, self.layout)
+
+    @property
+    def y(self) -> Array:
+        """(n, channels)"""
+        return self.table[:, self.layout.channels]
+
+    @cached_property
+    def signals(self) -> dict[str, Array]:
+        """`component.variable` or channel -> (n,)"""
+        return {name: self.table[:, column] for name, column in self.layout.columns.items()}
 
 
 class SampledSystem:
@@ -59,7 +84,9 @@ class SampledSystem:
         self.driven = [c for c in into if c.source_component is None]
         sources = {(c.source_component, c.source) for c in (*self.wires, *self.taps)}
         self.sources = [(name, v) for name, v in sources if name is not None]
-        self._record = [s.name for s in states] + [f"{c}.{v}" for c, v in self.sources] + list(self.channels)
+        record = [s.name for s in states] + [f"{c}.{v}" for c, v in self.sources] + list(self.channels)
+        columns = {name: column for column, name in enumerate(dict.fromkeys(record))}
+        self.layout = Layout(columns, [columns[channel] for channel in self.channels])
 
     def __enter__(self) -> SampledSystem:
         return self
@@ -94,14 +121,17 @@ class SampledSystem:
             output_step=step,
             parameters=self._before_onsets() | states,
             parameter_events=[(t, {name: self.values[name]}) for name, t in self.onsets.items()],
-            record=self._record,
+            record=list(self.layout.columns),
         )
-        result = self.simulation.run(experiment)
-        n = len(time)
-        found = {name: series[:n] for name, series in result.signals.items()}
-        # and so may what an integrator overshoots by: a drive's heat count, used up within a step
-        x = np.column_stack([found[s.name] for s in self.states]).clip(*self._bounds) if states else np.zeros((n, 0))
-        return Piece(time, x, np.column_stack([found[c] for c in self.channels]), dict(inputs), found)
+        signals = self.simulation.run(experiment).signals
+        table = np.column_stack([signals[name][: len(time)] for name in self.layout.columns])
+        return self.piece(time, table, inputs)
+
+    def piece(self, time: Array, table: Array, inputs: Mapping[str, Array]) -> Piece:
+        """Of a table of what was recorded."""
+        # an integrator overshoots: a drive's heat count, used up within a step
+        x = table[:, : len(self.states)].clip(*self._bounds)
+        return Piece(time, x, table, dict(inputs), self.layout)
 
     def values_of(self, component: str, t: float) -> dict[str, Value]:
         """variable -> value at the time t."""

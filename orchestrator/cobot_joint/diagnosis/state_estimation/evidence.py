@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from cobot_joint.diagnosis.plant.at_once import at_once
 from cobot_joint.diagnosis.plant.plant import TermCandidate
 from cobot_joint.diagnosis.state_estimation.estimator import StateEstimator, Tracked
+from cobot_joint.diagnosis.state_estimation.native.effect import Answer
 from cobot_joint.diagnosis.state_estimation.native.kalman import respond
 from cobot_joint.system.model import Value
 
@@ -203,36 +204,25 @@ class Evidence:
         t = self.trackings[n]
         angles = _angles(t, amplitude)
         fastest = float(np.abs(np.diff(t.tracked.x[:, angles], axis=0)).max(initial=0.0))
-        psi, samples = [], []
-        for value, order in zip(values, orders, strict=True):
-            inner, outer = t.estimator.lineariser.added(
-                amplitude, value, t.tracked.piece.time, t.tracked.x, t.tracked.piece
-            )
-            samples.append(outer)
-            if order * fastest > TURN:
-                psi.append(self._inside(n, amplitude, value))
-            else:
-                inner, outer = ((M[1:] + M[:-1]) / 2 for M in (inner, outer))
-                psi.append(_times(t.tracked.tangent.Hold, inner + _times(t.tracked.tangent.T, outer)))
-        return np.stack(psi, axis=-1), t.tracked.tangent.S @ np.stack(samples, axis=-1)
+        quick = np.array(orders) * fastest > TURN
+        parts = [np.flatnonzero(quick == inside).tolist() for inside in (False, True)]
+        found = [self._answer(n, amplitude, [values[j] for j in part], inside)
+                 for part, inside in zip(parts, (False, True), strict=True) if len(part)]  # fmt: skip
+        if len(found) == 1:
+            return found[0]
+        back = np.argsort(np.concatenate(parts))
+        psi, direct = (np.concatenate(both, axis=2)[:, :, back] for both in zip(*found, strict=True))
+        return psi, direct
 
-    def _inside(self, n: int, amplitude: str, values: Mapping[str, Value]) -> Array:
-        """(n - 1, states): of what changes within a step, summed over parts of it; states are linear in between."""
+    def _answer(
+        self, n: int, amplitude: str, values: Sequence[Mapping[str, Value]], inside: bool
+    ) -> tuple[Array, Array]:
+        """The same; inside: of what changes within a step, summed over parts of it."""
         t = self.trackings[n]
-        piece = t.tracked.piece
-        x, steps = t.tracked.x, len(t.tracked.x) - 1
-        share = np.tile((np.arange(POINTS) + 0.5) / POINTS, steps)[:, None]
-        first = np.repeat(np.arange(steps), POINTS)
-        time = piece.time[first] + share[:, 0] * (piece.time[1] - piece.time[0])
-        inner, outer = t.estimator.lineariser.added(
-            amplitude, values, time, x[first] + share * (x[first + 1] - x[first]), piece
-        )
-        inner, outer = inner.reshape(steps, POINTS, -1), outer.reshape(steps, POINTS, -1)
-        Phi, Hold = self._part_of_step(n)
-        found = np.zeros((steps, t.estimator.x.stop))
-        for k in range(POINTS):
-            found = _times(Phi, found) + _times(Hold, inner[:, k] + _times(t.tracked.tangent.T, outer[:, k]))
-        return found
+        tangent = t.tracked.tangent
+        Phi, Hold = self._part_of_step(n) if inside else (tangent.Phi, tangent.Hold)
+        answer = Answer(POINTS * inside, Phi, Hold, tangent.T, tangent.S)
+        return t.estimator.lineariser.effect(amplitude, values, t.tracked.piece, answer)
 
     def _part_of_step(self, n: int) -> tuple[Array, Array]:
         """Phi and Hold of a part of each step; kept, since every periodic term asks for them."""
@@ -284,8 +274,3 @@ def _angles(t: Tracking, parameter: str) -> list[int]:
     unit = t.estimator.sampled.system.component(name).unit
     states = t.estimator.sampled.states
     return [j for j, s in enumerate(states) if s.component == name and unit.unit_of(s.variable) == "rad"]
-
-
-def _times(M: Array, v: Array) -> Array:
-    """Matrix by vector, step by step: (n, i, j), (n, j) -> (n, i)"""
-    return np.asarray((M @ v[:, :, None])[:, :, 0])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.cosim.points import UnitFunction
-from cobot_joint.diagnosis.state_estimation.native import linear
+from cobot_joint.diagnosis.state_estimation.native import effect, linear
 from cobot_joint.diagnosis.state_estimation.sampled import Piece, SampledSystem
 from cobot_joint.system.model import Component, Connection, Value
 
@@ -123,6 +123,7 @@ class Lineariser:
         n_x, n_q = len(self.followed), len(self.followed) + len(self.ports) + len(self.parameters)
         self._sizes = n_x, n_q, len(sampled.wires), len(self._outs), len(sampled.taps), self._known.count
         self._systems: dict[frozenset[str], linear.System] = {}  # by the values that are on
+        self._of_part: dict[str, Known] = {}
 
     def __call__(self, piece: Piece, rows: slice = slice(None)) -> Jacobians:
         """At the piece's samples, or at some of them. SimulationError: a unit refuses.
@@ -181,29 +182,24 @@ class Lineariser:
     def _function(self, part: _Part, values: Mapping[str, Value]) -> UnitFunction:
         return UnitFunction(self.sampled.simulation.instances[part.component.name], values, part.known, part.unknown)
 
-    def added(
-        self, parameter: str, values: Mapping[str, Value], time: Array, x: Array, piece: Piece
+    def effect(
+        self, parameter: str, values: Sequence[Mapping[str, Value]], piece: Piece, answer: effect.Answer
     ) -> tuple[Array, Array]:
-        """What a unit of one parameter adds to the derivatives of the followed states and to the outputs of units, with
-        other `component.variable` values beside: (n, states) and (n, outputs).
+        """What a unit of one parameter adds to the followed states from sample to sample and to the channels: (n - 1,
+        states, columns), (n, channels, columns). values: of other Real parameters of its unit, `component.variable`,
+        the same ones in every column.
 
-        At any times within the piece, time: (n,), with all states x: (n, states); signals are linear between samples.
+        SimulationError: the unit refuses.
         """
         name, variable = parameter.split(".", 1)
         part = next(p for p in self._parts if p.component.name == name)
-        states = {s.variable: j for j, s in enumerate(self.sampled.states) if s.component == name}
-        wires = {c.sink: c for c in (*self.sampled.wires, *self.sampled.driven) if c.sink_component == name}
-        columns = [
-            x[:, states[v]] if v in states else np.interp(time, piece.time, self.sampled.value_of(piece, wires[v]))
-            for v in part.known
-        ]
-        points = np.column_stack(columns) if columns else np.zeros((len(time), 0))
-        own = {**self.sampled.values_of(name, float(time[0])), **{n.split(".", 1)[1]: v for n, v in values.items()}}
-        function = self._function(part, own)
-        J = function.jacobian(time, points, [variable])[:, :, 0]
-        inner, outer = np.zeros((len(time), len(self.followed))), np.zeros((len(time), len(self._outs)))
-        inner[:, part.inner], outer[:, part.outer] = J[:, : len(part.inner)], J[:, len(part.inner) :]
-        return inner, outer
+        if name not in self._of_part:
+            self._of_part[name] = Known(self.sampled, [(name, v) for v in part.known])
+        function = self._function(part, self.sampled.values_of(name, float(piece.time[0])))
+        varied = [v.split(".", 1)[1] for v in values[0]]
+        columns = np.array([[float(v) for v in column.values()] for column in values])
+        points = effect.Part(function, variable, part.inner, part.outer, piece.time, self._of_part[name](piece))
+        return effect.along(points, varied, columns, answer)
 
     def _part(self, component: Component) -> _Part:
         sampled, name = self.sampled, component.name

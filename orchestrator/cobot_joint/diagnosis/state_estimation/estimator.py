@@ -131,23 +131,23 @@ class StateEstimator:
         x, d, z = self.sampled.start(recording.initial), np.zeros(len(self.latents)), np.zeros(self.N)
         P, (Q, R) = self._first_covariance(), self._noises(recording.step)
         recorded = np.column_stack([recording.outputs[c] for c in self.sampled.channels])
-        room, found, likelihood = _Room(self, recorded, recording.step), None, 0.0
+        room, likelihood = _Room(self, recorded, recording.step), 0.0
         ends = self._ends(recording)
-        for first, end in pairwise([0, *ends]):
-            inputs = {name: u[first : end + 1] for name, u in recording.inputs.items()}
-            piece = self._run(x, d, time[first : end + 1], inputs)
-            faded = self._faded(d, piece.time)
-            room.put(first, piece, self.lineariser.tangent(piece), faded)
-            rows = slice(first + (first > 0), end + 1)  # its first sample was the last one of the segment before
-            if first:  # the new run begins where the old one's deviation led to
-                room.steps.jump[rows.start, : self.c.start] = -z[: self.c.start]
-            found = forward(room.steps[rows], Q, R, z, P, first == 0, room.filtered[rows])
-            likelihood += found.log_likelihood
-            assert found.updated is not None
-            z, P = found.updated[-1], found.P_end
-            x = piece.x[-1].copy()
-            x[self.followed] += z[self.x]
-            d = faded[-1] + z[self.d]
+        with self.sampled.along(time, recording.inputs, self.ports) as runs:
+            for first, end in pairwise([0, *ends]):
+                faded = self._faded(d, time[first : end + 1])
+                piece = runs.run(x, slice(first, end + 1), self.entering(faded) if d.any() else None)
+                room.put(first, piece, self.lineariser.tangent(piece), faded)
+                rows = slice(first + (first > 0), end + 1)  # its first sample was the last one of the segment before
+                if first:  # the new run begins where the old one's deviation led to
+                    room.steps.jump[rows.start, : self.c.start] = -z[: self.c.start]
+                found = forward(room.steps[rows], Q, R, z, P, first == 0, room.filtered[rows])
+                likelihood += found.log_likelihood
+                assert found.updated is not None
+                z, P = found.updated[-1], found.P_end
+                x = piece.x[-1].copy()
+                x[self.followed] += z[self.x]
+                d = faded[-1] + z[self.d]
         filtered = replace(room.filtered, P_end=P, log_likelihood=likelihood)
         assert room.tangent is not None
         whole = self.sampled.piece(time, room.table, {**recording.inputs, **self.entering(room.reference[:, self.d])})
@@ -196,10 +196,6 @@ class StateEstimator:
         while ends and last - ends[-1] < 2:  # no crumb behind
             ends.pop()
         return [*ends, last]
-
-    def _run(self, x: Array, d: Array, time: Array, inputs: Mapping[str, Array]) -> Piece:
-        faded = self._faded(d, time)
-        return self.sampled.run(x, time, {**inputs, **(self.entering(faded) if d.any() else {})})
 
     def entering(self, d: Array) -> dict[str, Array]:
         """Port -> (n,): of latents, (n, latents)"""

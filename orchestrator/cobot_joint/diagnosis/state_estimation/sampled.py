@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from types import TracebackType
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.cosim import Experiment, Simulation
+from cobot_joint.diagnosis.state_estimation.native.restart import Restarts, restarts
 from cobot_joint.diagnosis.state_estimation.states import states_of, why_none
 from cobot_joint.errors import UserError
 from cobot_joint.system.model import Connection, Inputs, System, Value
@@ -111,10 +113,26 @@ class SampledSystem:
 
         SimulationError: a unit fails.
         """
+        signals = self.simulation.run(self._experiment(x, time, inputs)).signals
+        table = np.column_stack([signals[name][: len(time)] for name in self.layout.columns])
+        return self.piece(time, table, inputs)
+
+    @contextmanager
+    def along(self, time: Array, inputs: Mapping[str, Array], ports: Sequence[str] = ()) -> Iterator[Runs]:
+        """Runs along a recording. time: (n,), regular; ports: further inputs, 0 unless said."""
+        if not restarts(self.simulation):
+            yield Runs(self, time, inputs, ())
+            return
+        both = {**inputs, **{port: np.zeros(len(time)) for port in ports}}
+        experiment = self._experiment(self.start({}), time, both)
+        with Restarts(self.simulation, experiment, [s.name for s in self.states]) as quick:
+            yield Runs(self, time, inputs, tuple(ports), quick)
+
+    def _experiment(self, x: Array, time: Array, inputs: Mapping[str, Array]) -> Experiment:
         step = float(time[-1] - time[0]) / (len(time) - 1)
         # an estimate may lie beyond what a unit lets a state start at: a brake's torque a little below 0
-        states = {s.name: float(v) for s, v in zip(self.states, np.clip(x, *self._bounds), strict=True)}
-        experiment = Experiment(
+        states = {s.name: float(v) for s, v in zip(self.states, self.inside(x), strict=True)}
+        return Experiment(
             Inputs(time, dict(inputs)),
             float(time[-1]) + 0.1 * step,
             start_time=float(time[0]),
@@ -123,14 +141,15 @@ class SampledSystem:
             parameter_events=[(t, {name: self.values[name]}) for name, t in self.onsets.items()],
             record=list(self.layout.columns),
         )
-        signals = self.simulation.run(experiment).signals
-        table = np.column_stack([signals[name][: len(time)] for name in self.layout.columns])
-        return self.piece(time, table, inputs)
+
+    def inside(self, x: Array) -> Array:
+        """States inside their bounds: (.., states)"""
+        return x.clip(*self._bounds)
 
     def piece(self, time: Array, table: Array, inputs: Mapping[str, Array]) -> Piece:
         """Of a table of what was recorded."""
         # an integrator overshoots: a drive's heat count, used up within a step
-        x = table[:, : len(self.states)].clip(*self._bounds)
+        x = self.inside(table[:, : len(self.states)])
         return Piece(time, x, table, dict(inputs), self.layout)
 
     def values_of(self, component: str, t: float) -> dict[str, Value]:
@@ -165,6 +184,27 @@ class SampledSystem:
             tap = _tap(self.system, name)
             return f"{tap.source_component}.{tap.source}"
         return name
+
+
+@dataclass(frozen=True)
+class Runs:
+    """Along a recording, from any of its samples. quick: without a call per unit, where these units allow it."""
+
+    sampled: SampledSystem
+    time: Array
+    inputs: Mapping[str, Array]
+    ports: tuple[str, ...]
+    quick: Restarts | None = None
+
+    def run(self, x: Array, rows: slice, entering: Mapping[str, Array] | None = None) -> Piece:
+        """From the states x at the first of the samples on, with signals at ports. SimulationError: a unit fails."""
+        inputs = {name: u[rows] for name, u in self.inputs.items()} | dict(entering or {})
+        if self.quick is None:
+            return self.sampled.run(x, self.time[rows], inputs)
+        for k, port in enumerate(self.ports, len(self.inputs)):
+            self.quick.samples[k, rows] = inputs.get(port, 0.0)
+        table = self.quick.run(self.sampled.inside(x), rows.start, rows.stop - rows.start, bool(entering))
+        return self.sampled.piece(self.time[rows], table, inputs)
 
 
 def _tap(system: System, channel: str) -> Connection:

@@ -27,7 +27,7 @@ static double *room_for(const Effect *e, Room *at) {
 }
 
 /* J: [unknown][n_columns] */
-static inline int look(const Effect *e, Room *at, double t, const double *known, size_t sample, double *J) {
+INNER int look(const Effect *e, Room *at, double t, const double *known, size_t sample, double *J) {
   const size_t n_unknown = e->n_inner + e->n_outer;
   const double *columns = e->jacobian ? e->jacobian + sample * e->n_columns * n_unknown : at->columns;
   if (!e->jacobian && cosim_varied(e->function, t, known, &e->varied, e->n_columns, e->values, at->columns)) return -1;
@@ -36,14 +36,14 @@ static inline int look(const Effect *e, Room *at, double t, const double *known,
   return 0;
 }
 
-static inline int is_zero(size_t n, const double *x) {
+INNER int is_zero(size_t n, const double *x) {
   for (size_t i = 0; i < n; i++)
     if (x[i] != 0) return 0;
   return 1;
 }
 
 /* psi += Hold (inner + T outer): what held derivatives add to the states */
-static inline void hold(const Effect *e, Room *at, size_t step, const double *J, double *psi) {
+INNER void hold(const Effect *e, Room *at, size_t step, const double *J, double *psi) {
   const size_t n_c = e->n_columns, n_x = e->n_x;
   const double *Hold = e->Hold + step * n_x * n_x, *T = e->T + step * n_x * e->n_o;
   memset(at->sum, 0, n_x * n_c * sizeof *at->sum);
@@ -61,7 +61,7 @@ static inline void hold(const Effect *e, Room *at, size_t step, const double *J,
 }
 
 /* of what changes within a step, summed over parts of it; the known are linear in between */
-static inline int inside(const Effect *e, Room *at, size_t step, double *psi) {
+INNER int inside(const Effect *e, Room *at, size_t step, double *psi) {
   const double *begin = e->known + step * e->n_known, *end = begin + e->n_known, h = e->time[1] - e->time[0];
   for (size_t k = 0; k < e->points; k++) {
     const double share = ((double)k + 0.5) / (double)e->points;

@@ -15,13 +15,13 @@
 #define FAR 6.0
 
 /* what a loop over the lower triangle left, above it as well */
-static inline void mirror(size_t n, size_t N, double *A) {
+INNER void mirror(size_t n, size_t N, double *A) {
   for (size_t i = 0; i < n; i++)
     for (size_t j = 0; j < i; j++) A[j * N + i] = A[i * N + j];
 }
 
 /* z = F (z + jump), P = F P F' + Q with F = [F_x; 0 diag(fade)]; work: N (n_x + 1) */
-static inline void predict(const KalmanSteps *s, size_t k, const double *Q, double *z, double *P, double *work) {
+INNER void predict(const KalmanSteps *s, size_t k, const double *Q, double *z, double *P, double *work) {
   const size_t N = s->N, n_x = s->n_x;
   const double *F = s->F + k * n_x * N, *jump = s->jump + k * N;
   double *FP = work, *moved = work + n_x * N;
@@ -42,8 +42,8 @@ static inline void predict(const KalmanSteps *s, size_t k, const double *Q, doub
 }
 
 /* one channel: e, 1/s and K, z and P given it; w: N. Returns -(log s + e^2/s)/2 */
-static inline double update(size_t N, const double *h, double r, double R, double *z, double *P, double *out_e,
-                            double *out_precision, double *K, double *w) {
+INNER double update(size_t N, const double *h, double r, double R, double *z, double *P, double *out_e,
+                    double *out_precision, double *K, double *w) {
   memset(w, 0, N * sizeof *w);
   add_rows(N, h, 1, P, N, w); /* P h */
   const double e = r - dot(N, h, z), s = fmax(dot(N, h, w) + R, e * e / (FAR * FAR)), root = 1 / sqrt(s);
@@ -87,8 +87,8 @@ WIDE int kalman_forward(const KalmanSteps *steps, const double *Q, const double 
 
 /* a = h e/s + (I - K h')' a,  M = h h'/s + (I - K h')' M (I - K h') for one channel: with g = M K - h (1/s + K' M K)/2,
  * M -= h g' + g h' */
-static inline void take_in(size_t N, const double *h, const double *K, double e, double precision, double *a, double *M,
-                           double *g) {
+INNER void take_in(size_t N, const double *h, const double *K, double e, double precision, double *a, double *M,
+                   double *g) {
   memset(g, 0, N * sizeof *g);
   add_rows(N, K, 1, M, N, g);
   const double pull = e * precision - dot(N, K, a), half = 0.5 * (precision + dot(N, K, g));
@@ -102,7 +102,7 @@ static inline void take_in(size_t N, const double *h, const double *K, double e,
 }
 
 /* a = F' a, M = F' M F; with M F = [U; V]: F' M F = F_x' U_x + what fades. work: N (N + n_x) */
-static inline void pull_back(const KalmanSteps *s, size_t k, double *a, double *M, double *work) {
+INNER void pull_back(const KalmanSteps *s, size_t k, double *a, double *M, double *work) {
   const size_t N = s->N, n_x = s->n_x;
   const double *F = s->F + k * n_x * N;
   double *U = work, *V = work + n_x * N, *sum = V + (N - n_x) * N;

@@ -61,7 +61,7 @@ static int gather(LinearSystem *s, size_t k, double t, const double *known, Samp
 }
 
 /* M X = B by elimination with the largest pivots, in place; M: [n][n], B: [n][p]. -1: there is none */
-static inline int solve(size_t n, size_t p, double *M, double *B) {
+INNER int solve(size_t n, size_t p, double *M, double *B) {
   for (size_t c = 0; c < n; c++) {
     size_t pivot = c;
     for (size_t i = c + 1; i < n; i++)
@@ -94,7 +94,7 @@ static inline int solve(size_t n, size_t p, double *M, double *B) {
 }
 
 /* -1: the wires' loop has no answer. With out = G_q q + G_u u and u = wires out: u = (I - wires G_u)^-1 wires G_q q; `closed`: I + G_u (I - wires G_u)^-1 wires */
-static inline int join(const LinearSystem *s, Sample *at, double *X, double *Y, double *T, double *S) {
+INNER int join(const LinearSystem *s, Sample *at, double *X, double *Y, double *T, double *S) {
   const size_t n_q = s->n_q, n_u = s->n_u, n_o = s->n_o, wide = n_q + n_u;
   memset(at->M, 0, n_u * n_u * sizeof *at->M);
   for (size_t i = 0; i < n_u; i++) {
@@ -150,8 +150,8 @@ enum { ORDER = 8 };               /* of the series: 1e-11 is left out */
 
 /* Scaling and squaring (Moler and Van Loan 2003, SIAM Review 45(1), method 3), of e^z and p: with z = A h/2^s,
  * e^z = I + z p(z), p(2z) = p(z) (I + e^z)/2. Rows of `wide`, of which the last are 0; E and I likewise. work: 3 m wide */
-static inline void exponential(size_t m, size_t wide, const double *A, double h, const double *scale, double *E,
-                               double *I, double *work) {
+INNER void exponential(size_t m, size_t wide, const double *A, double h, const double *scale, double *E, double *I,
+                       double *work) {
   double *z = work, *p = z + m * wide, *next = p + m * wide, norm = 0;
   memset(work, 0, 3 * m * wide * sizeof *work);
   for (size_t i = 0; i < m; i++) {
@@ -186,7 +186,7 @@ static inline void exponential(size_t m, size_t wide, const double *A, double h,
     }
 }
 
-static inline size_t padded(size_t m) { return (m + 3) / 4 * 4; } /* whole vectors */
+INNER size_t padded(size_t m) { return (m + 3) / 4 * 4; } /* whole vectors */
 
 WIDE int linear_exponential(size_t n, size_t m, const double *A, double h, const double *scale, double *E, double *I) {
   const size_t wide = padded(m);

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.cosim import library
-from cobot_joint.cosim.instances import Instance
+from cobot_joint.cosim.instances import Instance, SimulationError
 from cobot_joint.cosim.native import Variables
 from cobot_joint.system.model import Value
 
@@ -32,7 +32,9 @@ _FUNCTIONS = {
 }
 
 
-class _PointFunction(ctypes.Structure):
+class PointFunction(ctypes.Structure):
+    """As cosim.h has it."""
+
     _fields_ = [
         ("component", c_void_p),
         *((field, c_void_p) for field in _FUNCTIONS),
@@ -59,13 +61,31 @@ class UnitFunction:
         self.values = {**instance.component.parameters, **values}
         self.known, self.unknown = tuple(known), tuple(unknown)
 
+    @property
+    def gives_derivatives(self) -> bool:
+        """Whether the unit itself gives directional derivatives."""
+        return bool(self.instance.description.coSimulation.providesDirectionalDerivative)
+
+    def prepared(self, directions: Sequence[str]) -> PointFunction:
+        """For calls from native code, each of them after `begin`."""
+        return self._function(self.values, directions)
+
+    def begin(self, f: PointFunction) -> None:
+        """The instance is this function's until its next run."""
+        self.instance.reset()  # not fresh any more: the next run resets it again
+        f.component = self.instance.fmu.component
+
+    def failure(self, f: PointFunction) -> SimulationError:
+        """What a native call came to."""
+        return self.instance.failure(f.message.decode())
+
     def __call__(self, time: Array, known: Array) -> Array:
         """(n, unknown) at the points time: (n,), known: (n, known). SimulationError: the unit refuses."""
         return self._at(self.values, time, known, ())[0]
 
     def jacobian(self, time: Array, known: Array, directions: Sequence[str]) -> Array:
         """Derivatives by known variables and parameters, by name: (n, unknown, directions)"""
-        if self.instance.description.coSimulation.providesDirectionalDerivative:
+        if self.gives_derivatives:
             return self._at(self.values, time, known, directions)[1].transpose(0, 2, 1)
         columns = [self._quotient(time, known, name) for name in directions]
         return np.stack(columns, axis=-1) if columns else np.zeros((len(time), len(self.unknown), 0))
@@ -93,23 +113,23 @@ class UnitFunction:
         unknown = np.empty((n, len(self.unknown)))
         jacobian = np.empty((n, len(directions), len(self.unknown)))
         f = self._function(values, directions)
-        self.instance.reset()  # not fresh any more: the next run resets it again
-        loaded.cosim_points.argtypes = [POINTER(_PointFunction), c_size_t, c_void_p, c_void_p, c_void_p, c_void_p]
+        self.begin(f)
+        loaded.cosim_points.argtypes = [POINTER(PointFunction), c_size_t, c_void_p, c_void_p, c_void_p, c_void_p]
         status = loaded.cosim_points(
             ctypes.byref(f), n, time.ctypes.data, known.ctypes.data, unknown.ctypes.data,
             jacobian.ctypes.data if directions else None,
         )  # fmt: skip
         if status:
-            raise self.instance.failure(f.message.decode())
+            raise self.failure(f)
         return unknown, jacobian
 
-    def _function(self, values: Mapping[str, Value], directions: Sequence[str]) -> _PointFunction:
+    def _function(self, values: Mapping[str, Value], directions: Sequence[str]) -> PointFunction:
         by_type: dict[str, dict[str, Value]] = {"Real": {}, "Integer": {}, "Boolean": {}}
         for name, value in values.items():
             kind = self.instance.variables[name].type
             by_type["Integer" if kind == "Enumeration" else kind][name] = value
         real, integer, boolean = by_type["Real"], by_type["Integer"], by_type["Boolean"]
-        f = _PointFunction(component=self.instance.fmu.component)
+        f = PointFunction(component=self.instance.fmu.component)
         for field, function in _FUNCTIONS.items():
             setattr(f, field, self.instance.address(function))
         f.reals, f.integers, f.booleans = (self._variables(v) for v in (real, integer, boolean))

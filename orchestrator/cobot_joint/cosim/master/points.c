@@ -43,3 +43,16 @@ int cosim_points(PointFunction *f, size_t n_points, const double *time, const do
   }
   return 0;
 }
+
+int cosim_varied(PointFunction *f, double t, const double *known, const Variables *varied, size_t n_columns,
+                 const double *values, double *jacobian) {
+  const double one = 1;
+  if (set_point(f, t, known)) return -1;
+  for (size_t j = 0; j < n_columns; j++) {
+    if (varied->n) TRY(f->set_real(f->component, varied->refs, varied->n, values + j * varied->n), "fmi2SetReal");
+    TRY(f->get_directional_derivative(f->component, f->unknown.refs, f->unknown.n, f->directions.refs, 1, &one,
+                                      jacobian + j * f->unknown.n),
+        "fmi2GetDirectionalDerivative");
+  }
+  return 0;
+}

@@ -3,7 +3,7 @@
 #define COSIM_FIELD_SYSTEM_H
 
 #include "core/field.h"
-#include "cosim.h"
+#include "master/cosim.h"
 #include "monolithic/linear.h"
 
 enum { MOST_COLUMNS = 64, MOST_EVENTS = 32, MOST_UNITS = 64 };

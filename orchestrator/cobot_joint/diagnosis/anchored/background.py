@@ -80,10 +80,10 @@ def _at_port(t: Tracking, port: str, signals: Array | None, count: int) -> tuple
     """(n - 1, states, count), (n, channels, count): of signals (n, count) that enter at a latent's port; None: there is
     no such port."""
     if signals is None:
-        shape = (*t.tracked.y.shape, count)
+        shape = (*t.tracked.steps.r.shape, count)
         return np.zeros((shape[0] - 1, t.estimator.x.stop, count)), np.zeros(shape)
     column = t.estimator.ports.index(port)
-    gamma = np.concatenate([tangent.Gamma[:, :, column] for tangent in t.tracked.tangents])
+    gamma = t.tracked.tangent.Gamma[:, :, column]
     read = t.tracked.steps.H[:, :, t.estimator.d.start + column]
     between = 0.5 * (signals[1:] + signals[:-1])
     return gamma[:, :, None] * between[:, None, :], read[:, :, None] * signals[:, None, :]

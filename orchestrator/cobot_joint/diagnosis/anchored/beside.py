@@ -13,9 +13,8 @@ from cobot_joint.diagnosis.anchored.background import Group, background
 from cobot_joint.diagnosis.anchored.regression import Added, Columns, Products, Regression
 from cobot_joint.diagnosis.plant.at_once import at_once
 from cobot_joint.diagnosis.plant.plant import Port, TermCandidate
-from cobot_joint.diagnosis.state_estimation.estimator import Tracked
 from cobot_joint.diagnosis.state_estimation.evidence import TOGETHER, Effect, Evidence, Tracking, combinations
-from cobot_joint.diagnosis.state_estimation.kalman import respond
+from cobot_joint.diagnosis.state_estimation.native.kalman import respond
 
 Array = NDArray[np.float64]
 Shapes = Mapping[str, float]
@@ -240,35 +239,9 @@ def _values(term: TermCandidate, shapes: Mapping[str, float], theta: Array) -> d
 def _stretch(t: Tracking) -> Tracking:
     """The segments of a recording in which it moves most."""
     tracked = t.tracked
-    every = len(tracked.tangents[0].Phi)
-    count = min(max(round(STRETCH / tracked.recording.step / every), 1), len(tracked.tangents))
+    every = int(tracked.ends[0])
+    count = min(max(round(STRETCH / tracked.recording.step / every), 1), len(tracked.ends))
     moved = np.abs(np.diff(tracked.x, axis=0) / t.estimator.sampled.nominal).sum(axis=1)
-    ends = np.cumsum([len(tangent.Phi) for tangent in tracked.tangents])
-    of_segment = np.diff(np.concatenate([[0.0], np.cumsum(moved)[ends - 1]]))
+    of_segment = np.diff(np.concatenate([[0.0], np.cumsum(moved)[tracked.ends - 1]]))
     first = int(np.argmax(np.convolve(of_segment, np.ones(count), "valid")))
-    return replace(t, tracked=_rows(tracked, first, first + count, every))
-
-
-def _rows(tracked: Tracked, first: int, end: int, every: int) -> Tracked:
-    tangents = tracked.tangents[first:end]
-    rows = slice(first * every, first * every + sum(len(tangent.Phi) for tangent in tangents) + 1)
-    found = tracked.filtered
-    parts = ("predicted", "updated", "P", "e", "precision", "K")
-    recording = replace(
-        tracked.recording,
-        time=tracked.recording.time[rows],
-        inputs={name: u[rows] for name, u in tracked.recording.inputs.items()},
-        outputs={name: y[rows] for name, y in tracked.recording.outputs.items()},
-    )
-    return replace(
-        tracked,
-        recording=recording,
-        time=tracked.time[rows],
-        x=tracked.x[rows],
-        y=tracked.y[rows],
-        signals={name: s[rows] for name, s in tracked.signals.items()},
-        reference=tracked.reference[rows],
-        steps=tracked.steps[rows],
-        filtered=replace(found, **{part: getattr(found, part)[rows] for part in parts}),
-        tangents=tangents,
-    )
+    return replace(t, tracked=tracked[first : first + count])

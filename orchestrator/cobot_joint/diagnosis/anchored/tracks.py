@@ -11,9 +11,10 @@ from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.at_once import at_once
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
-from cobot_joint.diagnosis.state_estimation.estimator import Latent, StateEstimator
+from cobot_joint.diagnosis.state_estimation.estimator import Latent, StateEstimator, Tracked
 from cobot_joint.diagnosis.state_estimation.evidence import Tracking
 from cobot_joint.diagnosis.state_estimation.latents import Structure, structure
+from cobot_joint.diagnosis.state_estimation.native.kalman import Filtered
 from cobot_joint.diagnosis.state_estimation.noise import ChannelNoise
 from cobot_joint.diagnosis.state_estimation.sampled import SampledSystem
 from cobot_joint.system.model import Value
@@ -85,10 +86,17 @@ class Tracker:
         both = (*known.latents, *(replace(latent, tau=SLOW) for latent in known.latents))
         estimator = StateEstimator(sampled, self.noise, before or both, known.followed)
         tracked = estimator.track(recording)
-        for _ in range(AGAIN if before else FIRST):
-            estimator = estimator.resized(tracked, slice(None))
+        estimator = _likely(estimator, tracked, AGAIN if before else FIRST)
         if not before:  # the first sizes are a guess: so was where it led
             tracked = estimator.track(recording)
-            estimator = estimator.resized(tracked, slice(None))
+            estimator = _likely(estimator, tracked, 1)
         self._latents[recording.name] = estimator.latents
         return Tracking(estimator, estimator.refilter(tracked))
+
+
+def _likely(estimator: StateEstimator, tracked: Tracked, rounds: int) -> StateEstimator:
+    """With the sizes as the recording shows them that this filter has tracked."""
+    found: Filtered | None = tracked.filtered
+    for _ in range(rounds):
+        estimator, found = estimator.resized(tracked, found=found), None
+    return estimator

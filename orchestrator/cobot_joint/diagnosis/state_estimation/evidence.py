@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from cobot_joint.diagnosis.plant.at_once import at_once
 from cobot_joint.diagnosis.plant.plant import TermCandidate
 from cobot_joint.diagnosis.state_estimation.estimator import StateEstimator, Tracked
-from cobot_joint.diagnosis.state_estimation.kalman import respond
-from cobot_joint.diagnosis.state_estimation.sampled import Piece
+from cobot_joint.diagnosis.state_estimation.native.effect import Answer
+from cobot_joint.diagnosis.state_estimation.native.kalman import respond
 from cobot_joint.system.model import Value
 
 Array = NDArray[np.float64]
@@ -73,14 +73,7 @@ class Evidence:
     def __init__(self, trackings: Sequence[Tracking], tolerances: Mapping[str, tuple[float, float]]) -> None:
         self.trackings = list(trackings)
         self.tolerances = dict(tolerances)
-        self._pieces = [Piece(t.tracked.time, t.tracked.x, t.tracked.y, _inputs(t), t.tracked.signals)
-                        for t in self.trackings]  # fmt: skip
-        tangents = [t.tracked.tangents for t in self.trackings]
-        self._Hold, self._T = (
-            [np.concatenate([getattr(p, f) for p in parts]) for parts in tangents] for f in ("Hold", "T")
-        )
         self._parts: dict[int, tuple[Array, Array]] = {}
-        self._S = [np.concatenate([parts[0].S, *(p.S[1:] for p in parts[1:])]) for parts in tangents]
         self.parameters = [name for name in tolerances if any(self._has(t, name) for t in self.trackings)]
         self.base = self._of_parameters()
         self._base = _Columns(self, self.base)
@@ -128,8 +121,8 @@ class Evidence:
         for n, (t, v) in enumerate(zip(self.trackings, values, strict=True)):
             column = t.estimator.ports.index(port)
             Phi, Hold = self._part_of_step(n)
-            B = np.concatenate([tangent.Gamma[:, :, column] for tangent in t.tracked.tangents])
-            B = np.linalg.solve(self._Hold[n], B[:, :, None])  # what the port adds to the derivatives
+            B = t.tracked.tangent.Gamma[:, :, column]
+            B = np.asarray(np.linalg.solve(t.tracked.tangent.Hold, B[:, :, None]))  # what it adds to the derivatives
             parts = v.reshape(len(B), POINTS, -1)
             found = np.zeros((len(B), t.estimator.x.stop, parts.shape[2]))
             for k in range(POINTS):
@@ -197,7 +190,7 @@ class Evidence:
             t = self.trackings[n]
             if self._has(t, term.name):
                 return self._of_amplitudes(n, term.amplitude, values, orders)
-            shape = (*t.tracked.y.shape, len(values))
+            shape = (*t.tracked.steps.r.shape, len(values))
             return np.zeros((shape[0] - 1, t.estimator.x.stop, len(values))), np.zeros(shape)
 
         found = at_once(of_one, range(len(self.trackings)))
@@ -211,42 +204,31 @@ class Evidence:
         t = self.trackings[n]
         angles = _angles(t, amplitude)
         fastest = float(np.abs(np.diff(t.tracked.x[:, angles], axis=0)).max(initial=0.0))
-        psi, samples = [], []
-        for value, order in zip(values, orders, strict=True):
-            inner, outer = t.estimator.lineariser.added(
-                amplitude, value, self._pieces[n].time, t.tracked.x, self._pieces[n]
-            )
-            samples.append(outer)
-            if order * fastest > TURN:
-                psi.append(self._inside(n, amplitude, value))
-            else:
-                inner, outer = ((M[1:] + M[:-1]) / 2 for M in (inner, outer))
-                psi.append(_times(self._Hold[n], inner + _times(self._T[n], outer)))
-        return np.stack(psi, axis=-1), self._S[n] @ np.stack(samples, axis=-1)
+        quick = np.array(orders) * fastest > TURN
+        parts = [np.flatnonzero(quick == inside).tolist() for inside in (False, True)]
+        found = [self._answer(n, amplitude, [values[j] for j in part], inside)
+                 for part, inside in zip(parts, (False, True), strict=True) if len(part)]  # fmt: skip
+        if len(found) == 1:
+            return found[0]
+        back = np.argsort(np.concatenate(parts))
+        psi, direct = (np.concatenate(both, axis=2)[:, :, back] for both in zip(*found, strict=True))
+        return psi, direct
 
-    def _inside(self, n: int, amplitude: str, values: Mapping[str, Value]) -> Array:
-        """(n - 1, states): of what changes within a step, summed over parts of it; states are linear in between."""
-        t, piece = self.trackings[n], self._pieces[n]
-        x, steps = t.tracked.x, len(t.tracked.x) - 1
-        share = np.tile((np.arange(POINTS) + 0.5) / POINTS, steps)[:, None]
-        first = np.repeat(np.arange(steps), POINTS)
-        time = piece.time[first] + share[:, 0] * (piece.time[1] - piece.time[0])
-        inner, outer = t.estimator.lineariser.added(
-            amplitude, values, time, x[first] + share * (x[first + 1] - x[first]), piece
-        )
-        inner, outer = inner.reshape(steps, POINTS, -1), outer.reshape(steps, POINTS, -1)
-        Phi, Hold = self._part_of_step(n)
-        found = np.zeros((steps, t.estimator.x.stop))
-        for k in range(POINTS):
-            found = _times(Phi, found) + _times(Hold, inner[:, k] + _times(self._T[n], outer[:, k]))
-        return found
+    def _answer(
+        self, n: int, amplitude: str, values: Sequence[Mapping[str, Value]], inside: bool
+    ) -> tuple[Array, Array]:
+        """The same; inside: of what changes within a step, summed over parts of it."""
+        t = self.trackings[n]
+        tangent = t.tracked.tangent
+        Phi, Hold = self._part_of_step(n) if inside else (tangent.Phi, tangent.Hold)
+        answer = Answer(POINTS * inside, Phi, Hold, tangent.T, tangent.S)
+        return t.estimator.lineariser.effect(amplitude, values, t.tracked.piece, answer)
 
     def _part_of_step(self, n: int) -> tuple[Array, Array]:
         """Phi and Hold of a part of each step; kept, since every periodic term asks for them."""
         if n not in self._parts:
             t = self.trackings[n]
-            A = np.concatenate([tangent.A for tangent in t.tracked.tangents])
-            self._parts[n] = t.estimator.lineariser.step(A, t.tracked.recording.step / POINTS)
+            self._parts[n] = t.estimator.lineariser.step(t.tracked.tangent.A, t.tracked.recording.step / POINTS)
         return self._parts[n]
 
     def _of_parameters(self) -> Effect:
@@ -258,7 +240,9 @@ class Evidence:
                     [p.psi[n] for p in parts] or [np.zeros((len(t.tracked.time) - 1, t.estimator.x.stop, 0))], axis=2
                 )
             )
-            direct.append(np.concatenate([p.direct[n] for p in parts] or [np.zeros((*t.tracked.y.shape, 0))], axis=2))
+            direct.append(
+                np.concatenate([p.direct[n] for p in parts] or [np.zeros((*t.tracked.steps.r.shape, 0))], axis=2)
+            )
         return Effect(psi, direct)
 
     @staticmethod
@@ -290,12 +274,3 @@ def _angles(t: Tracking, parameter: str) -> list[int]:
     unit = t.estimator.sampled.system.component(name).unit
     states = t.estimator.sampled.states
     return [j for j, s in enumerate(states) if s.component == name and unit.unit_of(s.variable) == "rad"]
-
-
-def _times(M: Array, v: Array) -> Array:
-    """Matrix by vector, step by step: (n, i, j), (n, j) -> (n, i)"""
-    return np.asarray((M @ v[:, :, None])[:, :, 0])
-
-
-def _inputs(t: Tracking) -> dict[str, Array]:
-    return {**t.tracked.recording.inputs, **t.estimator.entering(t.tracked.reference[:, t.estimator.d])}

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.cosim.points import UnitFunction
+from cobot_joint.diagnosis.state_estimation.native import effect, linear
 from cobot_joint.diagnosis.state_estimation.sampled import Piece, SampledSystem
 from cobot_joint.system.model import Component, Connection, Value
 
 Array = NDArray[np.float64]
-SMALL, ORDER = 0.25, 8  # norm below which the exponential's series is summed, and its order: 1e-11 is left out
+OF_SAMPLES = frozenset("CDRS")  # what a tangent has per sample; the rest, per step
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,37 @@ class Tangent:
     T: Array
     S: Array
 
+    def __getitem__(self, rows: slice) -> Tangent:
+        """Of a stretch of samples, and the steps between them."""
+        between = slice(rows.start, rows.stop - 1)
+        return Tangent(*(getattr(self, f)[rows if f in OF_SAMPLES else between] for f in self.__dataclass_fields__))
+
+
+class Known:
+    """What units are functions of, states and inputs by `(component, variable)`, at the samples of a run."""
+
+    def __init__(self, sampled: SampledSystem, variables: Sequence[tuple[str, str]]) -> None:
+        states = {(s.component, s.variable): column for column, s in enumerate(sampled.states)}
+        wires = {(str(c.sink_component), c.sink): c for c in (*sampled.wires, *sampled.driven)}
+        self.count = len(variables)
+        self._driven = [(k, wires[v]) for k, v in enumerate(variables) if v not in states and v in wires
+                        and wires[v].source_component is None]  # fmt: skip
+        self._own = [k for k, v in enumerate(variables) if v in states], [states[v] for v in variables if v in states]
+        inside = [(k, wires[v]) for k, v in enumerate(variables) if v not in states and wires[v].source_component]
+        columns = [sampled.layout.columns[f"{c.source_component}.{c.source}"] for _, c in inside]
+        self._wired = [k for k, _ in inside], columns
+        self._factor, self._offset = (np.array([getattr(c, f) for _, c in inside]) for f in ("factor", "offset"))
+
+    def __call__(self, piece: Piece, rows: slice = slice(None)) -> Array:
+        """(n, variables)"""
+        known = np.empty((len(piece.time[rows]), self.count))
+        known[:, self._own[0]] = piece.x[rows][:, self._own[1]]
+        known[:, self._wired[0]] = piece.table[rows][:, self._wired[1]] * self._factor + self._offset
+        for place, wire in self._driven:
+            u = piece.inputs.get(wire.source)
+            known[:, place] = wire.offset if u is None else wire.factor * u[rows] + wire.offset
+        return known
+
 
 @dataclass(frozen=True)
 class _Part:
@@ -66,7 +98,8 @@ class _Part:
     directions: list[str]
     inner: list[int]  # rows of its states among those followed
     outer: list[int]  # rows of its outputs among those read
-    columns: list[tuple[str, int, float]]  # per direction: kind (x, u, d, p), position, factor
+    columns: list[int]  # of its directions, among followed states, ports, parameters and wires
+    factors: list[float]
 
 
 class Lineariser:
@@ -84,89 +117,89 @@ class Lineariser:
         self.followed = list(range(len(sampled.states))) if followed is None else list(followed)
         self.parameters = tuple(parameters)
         self._outs = {source: j for j, source in enumerate(sampled.sources)}
-        self._sizes = {"x": len(self.followed), "d": len(self.ports), "p": len(self.parameters)}
-        self._L = _selection(sampled.wires, self._outs)
-        self._S = _selection(sampled.taps, self._outs)
+        self._scale = sampled.nominal[self.followed]
         self._parts = [part for c in sampled.system.components if (part := self._part(c)).unknown]
+        self._known = Known(sampled, [(p.component.name, v) for p in self._parts for v in p.known])
+        n_x, n_q = len(self.followed), len(self.followed) + len(self.ports) + len(self.parameters)
+        self._sizes = n_x, n_q, len(sampled.wires), len(self._outs), len(sampled.taps), self._known.count
+        self._systems: dict[frozenset[str], linear.System] = {}  # by the values that are on
+        self._of_part: dict[str, Known] = {}
 
     def __call__(self, piece: Piece, rows: slice = slice(None)) -> Jacobians:
         """At the piece's samples, or at some of them. SimulationError: a unit refuses.
 
         u = L out, out = G_x x + G_u u + G_d d + G_p theta, thus u = (I - L G_u)^-1 L (G_x x + G_d d + G_p theta)
         """
-        n, n_u, n_o = len(piece.time[rows]), len(self.sampled.wires), len(self._outs)
-        sizes = {**self._sizes, "u": n_u}
-        F = {kind: np.zeros((n, self._sizes["x"], size)) for kind, size in sizes.items()}
-        G = {kind: np.zeros((n, n_o, size)) for kind, size in sizes.items()}
-        for part in self._parts:
-            J = self._jacobian(part, piece, rows)
-            for j, (kind, column, factor) in enumerate(part.columns):
-                F[kind][:, part.inner, column] += factor * J[:, : len(part.inner), j]
-                G[kind][:, part.outer, column] += factor * J[:, len(part.inner) :, j]
-        u = np.linalg.solve(np.eye(n_u) - self._L @ G["u"], np.broadcast_to(self._L, (n, n_u, n_o)))  # by outputs
-        T, S = F["u"] @ u, self._S @ (np.eye(n_o) + G["u"] @ u)
-        direct = np.concatenate([G["x"], G["d"], G["p"]], axis=2)
-        borders = np.cumsum([self._sizes["x"], self._sizes["d"]])
-        A, B, P = np.split(np.concatenate([F["x"], F["d"], F["p"]], axis=2) + T @ direct, borders, axis=2)
-        C, D, R = np.split(S @ direct, borders, axis=2)
+        X, Y, T, S = self._joined(piece, rows)
+        borders = np.cumsum([len(self.followed), len(self.ports)])
+        A, B, P = np.split(X, borders, axis=2)
+        C, D, R = np.split(Y, borders, axis=2)
         return Jacobians(A, B, C, D, P, R, T, S)
 
     def tangent(self, piece: Piece) -> Tangent:
         """From sample to sample: over a step the Jacobians are the means of those at its ends, which takes a contact
         that closes between them as closed for half of the step."""
-        J = self(piece)
+        X, Y, T, S = self._joined(piece, slice(None))
         h = float(piece.time[-1] - piece.time[0]) / (len(piece.time) - 1)
-        A, B, P, T = ((M[1:] + M[:-1]) / 2 for M in (J.A, J.B, J.P, J.T))
-        Phi, Hold = self.step(A, h)
-        return Tangent(A, Phi, Hold @ B, Hold @ P, J.C, J.D, J.R, Hold, T, J.S)
+        A, Phi, Hold, inputs, T = linear.steps(X, T, h, self._scale)
+        n_x, n_d = len(self.followed), len(self.ports)
+        C, D, R = Y[:, :, :n_x], Y[:, :, n_x : n_x + n_d], Y[:, :, n_x + n_d :]
+        return Tangent(A, Phi, inputs[:, :, :n_d], inputs[:, :, n_d:], C, D, R, Hold, T, S)
 
     def step(self, A: Array, h: float) -> tuple[Array, Array]:
         """Phi and Hold of steps of length h with Jacobians A: (n, states, states)."""
-        scale = self.sampled.nominal[self.followed]
-        Phi, Hold = exponential(A * scale / scale[:, None], h)
-        return Phi * scale[:, None] / scale, Hold * scale[:, None] / scale
+        return linear.exponential(A, h, self._scale)
 
-    def added(
-        self, parameter: str, values: Mapping[str, Value], time: Array, x: Array, piece: Piece
+    def _joined(self, piece: Piece, rows: slice) -> tuple[Array, Array, Array, Array]:
+        """Derivatives and channels by states, ports and parameters, and by what is added to the units' outputs: (n,
+        states, columns), (n, channels, columns), (n, states, outputs), (n, channels, outputs)."""
+        time, known = piece.time[rows], self._known(piece, rows)
+        n_x, n_q, _, n_o, n_y, _ = self._sizes
+        shapes = (n_x, n_q), (n_y, n_q), (n_x, n_o), (n_y, n_o)
+        found = tuple(np.empty((len(time), *shape)) for shape in shapes)
+        borders = np.searchsorted(time, [-np.inf, *sorted(self.sampled.onsets.values()), np.inf])
+        for begin, end in pairwise(borders):
+            if begin < end:
+                part = slice(begin, end)
+                self._system(float(time[begin])).jacobians(time[part], known[part], [M[part] for M in found])
+        X, Y, T, S = found
+        return X, Y, T, S
+
+    def _system(self, t: float) -> linear.System:
+        """With the values that hold at the time t."""
+        sampled = self.sampled
+        on = frozenset(name for name, onset in sampled.onsets.items() if onset <= t)
+        if on not in self._systems:
+            units = [
+                linear.Unit(self._function(p, sampled.values_of(p.component.name, t)), p.directions, p.inner, p.outer,
+                            p.columns, p.factors)
+                for p in self._parts
+            ]  # fmt: skip
+            wires, taps = (_selection(which, self._outs) for which in (sampled.wires, sampled.taps))
+            self._systems[on] = linear.System(units, self._sizes, wires, taps)
+        return self._systems[on]
+
+    def _function(self, part: _Part, values: Mapping[str, Value]) -> UnitFunction:
+        return UnitFunction(self.sampled.simulation.instances[part.component.name], values, part.known, part.unknown)
+
+    def effect(
+        self, parameter: str, values: Sequence[Mapping[str, Value]], piece: Piece, answer: effect.Answer
     ) -> tuple[Array, Array]:
-        """What a unit of one parameter adds to the derivatives of the followed states and to the outputs of units, with
-        other `component.variable` values beside: (n, states) and (n, outputs).
+        """What a unit of one parameter adds to the followed states from sample to sample and to the channels: (n - 1,
+        states, columns), (n, channels, columns). values: of other Real parameters of its unit, `component.variable`,
+        the same ones in every column.
 
-        At any times within the piece, time: (n,), with all states x: (n, states); signals are linear between samples.
+        SimulationError: the unit refuses.
         """
         name, variable = parameter.split(".", 1)
         part = next(p for p in self._parts if p.component.name == name)
-        states = {s.variable: j for j, s in enumerate(self.sampled.states) if s.component == name}
-        wires = {c.sink: c for c in (*self.sampled.wires, *self.sampled.driven) if c.sink_component == name}
-        columns = [
-            x[:, states[v]] if v in states else np.interp(time, piece.time, self.sampled.value_of(piece, wires[v]))
-            for v in part.known
-        ]
-        points = np.column_stack(columns) if columns else np.zeros((len(time), 0))
-        own = {**self.sampled.values_of(name, float(time[0])), **{n.split(".", 1)[1]: v for n, v in values.items()}}
-        function = UnitFunction(self.sampled.simulation.instances[name], own, part.known, part.unknown)
-        J = function.jacobian(time, points, [variable])[:, :, 0]
-        inner, outer = np.zeros((len(time), len(self.followed))), np.zeros((len(time), len(self._outs)))
-        inner[:, part.inner], outer[:, part.outer] = J[:, : len(part.inner)], J[:, len(part.inner) :]
-        return inner, outer
-
-    def _jacobian(self, part: _Part, piece: Piece, rows: slice) -> Array:
-        """Of one unit: (n, unknown, directions), with the values that hold at each time."""
-        sampled, name = self.sampled, part.component.name
-        time = piece.time[rows]
-        states = {s.variable: j for j, s in enumerate(sampled.states) if s.component == name}
-        wires = {c.sink: c for c in (*sampled.wires, *sampled.driven) if c.sink_component == name}
-        columns = [piece.x[:, states[v]] if v in states else sampled.value_of(piece, wires[v]) for v in part.known]
-        points = np.column_stack(columns)[rows] if columns else np.zeros((len(time), 0))
-        J = np.empty((len(time), len(part.unknown), len(part.directions)))
-        borders = np.searchsorted(time, [-np.inf, *sorted(sampled.onsets.values()), np.inf])
-        for begin, end in pairwise(borders):
-            if begin == end:
-                continue
-            values = sampled.values_of(name, float(time[begin]))
-            function = UnitFunction(sampled.simulation.instances[name], values, part.known, part.unknown)
-            J[begin:end] = function.jacobian(time[begin:end], points[begin:end], part.directions)
-        return J
+        if name not in self._of_part:
+            self._of_part[name] = Known(self.sampled, [(name, v) for v in part.known])
+        function = self._function(part, self.sampled.values_of(name, float(piece.time[0])))
+        varied = [v.split(".", 1)[1] for v in values[0]]
+        columns = np.array([[float(v) for v in column.values()] for column in values])
+        points = effect.Part(function, variable, part.inner, part.outer, piece.time, self._of_part[name](piece))
+        return effect.along(points, varied, columns, answer)
 
     def _part(self, component: Component) -> _Part:
         sampled, name = self.sampled, component.name
@@ -176,18 +209,21 @@ class Lineariser:
         wired = [(j, c) for j, c in enumerate(sampled.wires) if c.sink_component == name]
         entering = [c for c in sampled.driven if c.sink_component == name]
         mine = [(j, p.split(".", 1)[1]) for j, p in enumerate(self.parameters) if p.startswith(f"{name}.")]
-        columns = [(s.variable, ("x", k, 1.0)) for k, s in followed]
-        columns += [(c.sink, ("u", j, 1.0)) for j, c in wired]
-        columns += [(c.sink, ("d", self.ports.index(c.source), c.factor)) for c in entering if c.source in self.ports]
-        columns += [(p, ("p", j, 1.0)) for j, p in mine]
+        d, p = len(self.followed), len(self.followed) + len(self.ports)
+        u = p + len(self.parameters)
+        columns = [(s.variable, k, 1.0) for k, s in followed]
+        columns += [(c.sink, u + j, 1.0) for j, c in wired]
+        columns += [(c.sink, d + self.ports.index(c.source), c.factor) for c in entering if c.source in self.ports]
+        columns += [(name, p + j, 1.0) for j, name in mine]
         return _Part(
             component,
             [s.variable for s in own] + [c.sink for _, c in wired] + [c.sink for c in entering],
             [s.derivative for _, s in followed] + sources,
-            [variable for variable, _ in columns],
+            [variable for variable, _, _ in columns],
             [k for k, _ in followed],
             [self._outs[name, v] for v in sources],
-            [place for _, place in columns],
+            [column for _, column, _ in columns],
+            [factor for _, _, factor in columns],
         )
 
 
@@ -197,24 +233,3 @@ def _selection(wires: Sequence[Connection], outs: dict[tuple[str, str], int]) ->
     for j, c in enumerate(wires):
         M[j, outs[str(c.source_component), c.source]] = c.factor
     return M
-
-
-def exponential(A: Array, h: float) -> tuple[Array, Array]:
-    """e^(A h), and its integral from 0 to h; A: (n, m, m), scaled so that its entries are of one size.
-
-    Scaling and squaring (Moler and Van Loan 2003, SIAM Review 45(1), method 3), of both: with z = A h/2^s,
-    e^z = I + z p(z), p(2z) = p(z) (I + e^z)/2.
-    """
-    n, m = A.shape[:2]
-    eye = np.eye(m)
-    largest = h * float(np.max(np.sum(np.abs(A), axis=2), initial=0.0))
-    halvings = max(0, int(np.ceil(np.log2(max(largest, 1e-300) / SMALL))))
-    z = A * (h / 2**halvings)
-    p = np.broadcast_to(eye, (n, m, m))
-    for k in range(ORDER, 1, -1):  # p = I + z/2 (I + z/3 (I + ...))
-        p = eye + z @ p / k
-    e = eye + z @ p
-    for _ in range(halvings):
-        p = (p + p @ e) / 2
-        e = e @ e
-    return e, h * p

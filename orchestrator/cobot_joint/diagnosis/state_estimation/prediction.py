@@ -106,6 +106,7 @@ def predict(
         estimator = StateEstimator(sampled, noise, known.latents, known.followed)
         tracked = estimator.track(recording)
         tracked = with_sizes(estimator, tracked).refilter(tracked)
+        assert tracked.filtered.predicted is not None
         y = np.full((len(recording.time), len(sampled.channels)), np.nan)
         for first, end in pieces(recording, horizon):
             x = tracked.x[first].copy()

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.cosim import Experiment, Simulation
+from cobot_joint.diagnosis.state_estimation.native.restart import Restarts, restarts
 from cobot_joint.diagnosis.state_estimation.states import states_of, why_none
 from cobot_joint.errors import UserError
 from cobot_joint.system.model import Connection, Inputs, System, Value
@@ -18,14 +21,38 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class Layout:
+    """Where what is recorded of a system stands in a table: the states first; channels: their columns."""
+
+    columns: Mapping[str, int]
+    channels: list[int]
+
+
+@dataclass(frozen=True)
 class Piece:
-    """A run from given states. time: (n,), s; x: (n, states); y: (n, channels); inputs and signals: name -> (n,)."""
+    """A run from given states. time: (n,), s; x: (n, states), inside their bounds; table: (n, recorded signals), as
+    they were; inputs: name -> (n,)."""
 
     time: Array
     x: Array
-    y: Array
+    table: Array
     inputs: Mapping[str, Array]
-    signals: Mapping[str, Array]
+    layout: Layout
+
+    def __getitem__(self, rows: slice) -> Piece:
+        """A stretch of it."""
+        inputs = {name: u[rows] for name, u in self.inputs.items()}
+        return Piece(self.time[rows], self.x[rows], self.table[rows], inputs, self.layout)
+
+    @property
+    def y(self) -> Array:
+        """(n, channels)"""
+        return self.table[:, self.layout.channels]
+
+    @cached_property
+    def signals(self) -> dict[str, Array]:
+        """`component.variable` or channel -> (n,)"""
+        return {name: self.table[:, column] for name, column in self.layout.columns.items()}
 
 
 class SampledSystem:
@@ -59,7 +86,9 @@ class SampledSystem:
         self.driven = [c for c in into if c.source_component is None]
         sources = {(c.source_component, c.source) for c in (*self.wires, *self.taps)}
         self.sources = [(name, v) for name, v in sources if name is not None]
-        self._record = [s.name for s in states] + [f"{c}.{v}" for c, v in self.sources] + list(self.channels)
+        record = [s.name for s in states] + [f"{c}.{v}" for c, v in self.sources] + list(self.channels)
+        columns = {name: column for column, name in enumerate(dict.fromkeys(record))}
+        self.layout = Layout(columns, [columns[channel] for channel in self.channels])
 
     def __enter__(self) -> SampledSystem:
         return self
@@ -84,24 +113,44 @@ class SampledSystem:
 
         SimulationError: a unit fails.
         """
+        signals = self.simulation.run(self._experiment(x, time, inputs)).signals
+        table = np.column_stack([signals[name][: len(time)] for name in self.layout.columns])
+        return self.piece(time, table, inputs)
+
+    @contextmanager
+    def along(self, time: Array, inputs: Mapping[str, Array], ports: Sequence[str] = ()) -> Iterator[Runs]:
+        """Runs along a recording. time: (n,), regular; ports: further inputs, 0 unless said."""
+        if not restarts(self.simulation):
+            yield Runs(self, time, inputs, ())
+            return
+        both = {**inputs, **{port: np.zeros(len(time)) for port in ports}}
+        experiment = self._experiment(self.start({}), time, both)
+        with Restarts(self.simulation, experiment, [s.name for s in self.states]) as quick:
+            yield Runs(self, time, inputs, tuple(ports), quick)
+
+    def _experiment(self, x: Array, time: Array, inputs: Mapping[str, Array]) -> Experiment:
         step = float(time[-1] - time[0]) / (len(time) - 1)
         # an estimate may lie beyond what a unit lets a state start at: a brake's torque a little below 0
-        states = {s.name: float(v) for s, v in zip(self.states, np.clip(x, *self._bounds), strict=True)}
-        experiment = Experiment(
+        states = {s.name: float(v) for s, v in zip(self.states, self.inside(x), strict=True)}
+        return Experiment(
             Inputs(time, dict(inputs)),
             float(time[-1]) + 0.1 * step,
             start_time=float(time[0]),
             output_step=step,
             parameters=self._before_onsets() | states,
             parameter_events=[(t, {name: self.values[name]}) for name, t in self.onsets.items()],
-            record=self._record,
+            record=list(self.layout.columns),
         )
-        result = self.simulation.run(experiment)
-        n = len(time)
-        found = {name: series[:n] for name, series in result.signals.items()}
-        # and so may what an integrator overshoots by: a drive's heat count, used up within a step
-        x = np.column_stack([found[s.name] for s in self.states]).clip(*self._bounds) if states else np.zeros((n, 0))
-        return Piece(time, x, np.column_stack([found[c] for c in self.channels]), dict(inputs), found)
+
+    def inside(self, x: Array) -> Array:
+        """States inside their bounds: (.., states)"""
+        return x.clip(*self._bounds)
+
+    def piece(self, time: Array, table: Array, inputs: Mapping[str, Array]) -> Piece:
+        """Of a table of what was recorded."""
+        # an integrator overshoots: a drive's heat count, used up within a step
+        x = self.inside(table[:, : len(self.states)])
+        return Piece(time, x, table, dict(inputs), self.layout)
 
     def values_of(self, component: str, t: float) -> dict[str, Value]:
         """variable -> value at the time t."""
@@ -135,6 +184,27 @@ class SampledSystem:
             tap = _tap(self.system, name)
             return f"{tap.source_component}.{tap.source}"
         return name
+
+
+@dataclass(frozen=True)
+class Runs:
+    """Along a recording, from any of its samples. quick: without a call per unit, where these units allow it."""
+
+    sampled: SampledSystem
+    time: Array
+    inputs: Mapping[str, Array]
+    ports: tuple[str, ...]
+    quick: Restarts | None = None
+
+    def run(self, x: Array, rows: slice, entering: Mapping[str, Array] | None = None) -> Piece:
+        """From the states x at the first of the samples on, with signals at ports. SimulationError: a unit fails."""
+        inputs = {name: u[rows] for name, u in self.inputs.items()} | dict(entering or {})
+        if self.quick is None:
+            return self.sampled.run(x, self.time[rows], inputs)
+        for k, port in enumerate(self.ports, len(self.inputs)):
+            self.quick.samples[k, rows] = inputs.get(port, 0.0)
+        table = self.quick.run(self.sampled.inside(x), rows.start, rows.stop - rows.start, bool(entering))
+        return self.sampled.piece(self.time[rows], table, inputs)
 
 
 def _tap(system: System, channel: str) -> Connection:

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal
 
-from cobot_joint.diagnosis.state_estimation.kalman import Steps, backward, forward, respond
+from cobot_joint.diagnosis.state_estimation.native.kalman import Filtered, Steps, backward, forward, respond
 
 n, m, N = 12, 2, 3
 
@@ -17,6 +17,7 @@ def drawn() -> tuple[Steps, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(4)
     steps = Steps(
         np.eye(N) * 0.8 + 0.2 * rng.standard_normal((n, N, N)),
+        np.zeros(0),
         rng.standard_normal((n, N)),
         rng.standard_normal((n, m, N)),
         rng.standard_normal((n, m)),
@@ -71,7 +72,7 @@ def test_a_known_signal_adds_to_the_innovations_what_the_filter_answers(drawn: t
         x = steps.F[k] @ x
         x[:2] += psi[k - 1, :, 0]
         shift[k] += steps.H[k] @ x
-    moved = forward(Steps(steps.F, steps.jump, steps.H, steps.r + shift), Q, R, z0, P0)
+    moved = forward(Steps(steps.F, steps.fade, steps.jump, steps.H, steps.r + shift), Q, R, z0, P0)
     np.testing.assert_allclose(
         respond(steps, filtered, psi, direct)[:, :, 0], moved.white - filtered.white, rtol=1e-9, atol=1e-9
     )
@@ -90,10 +91,10 @@ def test_an_innovation_beyond_six_sigma_counts_as_one_of_six(drawn: tuple) -> No
     before = forward(steps, Q, R, z0, P0)
     r = steps.r.copy()
     r[5, 1] += 1e3
-    found = forward(Steps(steps.F, steps.jump, steps.H, r), Q, R, z0, P0)
+    found = forward(Steps(steps.F, steps.fade, steps.jump, steps.H, r), Q, R, z0, P0)
     assert found.white[5, 1] == pytest.approx(6, rel=1e-12)
     np.testing.assert_array_equal(found.updated[:5], before.updated[:5])
-    farther = forward(Steps(steps.F, steps.jump, steps.H, r + np.where(r > 500, 1e6, 0)), Q, R, z0, P0)
+    farther = forward(Steps(steps.F, steps.fade, steps.jump, steps.H, r + np.where(r > 500, 1e6, 0)), Q, R, z0, P0)
     move = np.abs(found.updated[5] - before.updated[5]).max()
     assert np.abs(farther.updated[5] - before.updated[5]).max() < 2 * move  # its pull has an end
 
@@ -106,9 +107,37 @@ def test_the_adjoints_covariance_stays_one_over_a_long_run_with_a_state_that_not
     F[0, 3] = F[2, 0] = 0.3
     H = np.zeros((2, 5))
     H[0, 0] = H[1, 2] = 1.0
-    steps = Steps(np.tile(F, (count, 1, 1)), np.zeros((count, 5)), np.tile(H, (count, 1, 1)),
+    steps = Steps(np.tile(F, (count, 1, 1)), np.zeros(0), np.zeros((count, 5)), np.tile(H, (count, 1, 1)),
                   rng.standard_normal((count, 2)))  # fmt: skip
     found = backward(steps, forward(steps, np.full(5, 1e-6), np.full(2, 1.0), np.zeros(5), 1e-4 * np.eye(5)))
     half = found.M[count // 2]
     assert (found.M >= 0).all()
     np.testing.assert_allclose(found.M[count // 4], half, rtol=1e-3, atol=1e-9)
+
+
+def test_deviations_that_fade_by_themselves_are_rows_of_a_diagonal(drawn: tuple) -> None:
+    """The same answers as with the whole matrix."""
+    dense, Q, R, z0, P0 = drawn
+    fade = np.array([0.9, 0.4])
+    dense.F[:, 1:] = np.eye(N)[1:] * np.concatenate([[0.0], fade])
+    steps = Steps(dense.F[:, :1], fade, dense.jump, dense.H, dense.r)
+    expected, found = forward(dense, Q, R, z0, P0), forward(steps, Q, R, z0, P0)
+    np.testing.assert_allclose(found.P, expected.P, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(found.white, expected.white, rtol=1e-12, atol=1e-14)
+    for one, other in zip(
+        backward(steps, found).__dict__.values(), backward(dense, expected).__dict__.values(), strict=True
+    ):
+        np.testing.assert_allclose(one, other, rtol=1e-11, atol=1e-13)
+    psi, direct = np.random.default_rng(5).standard_normal((2, n, m, 3))
+    np.testing.assert_allclose(
+        respond(steps, found, psi[1:], direct), respond(dense, expected, psi[1:], direct), rtol=1e-12, atol=1e-13
+    )
+
+
+def test_what_is_not_asked_for_changes_nothing_else(drawn: tuple) -> None:
+    steps, Q, R, z0, P0 = drawn
+    whole, few = forward(steps, Q, R, z0, P0), Filtered.room(steps.H.shape, states=False)
+    found = forward(steps, Q, R, z0, P0, room=few)
+    assert (found.P, found.predicted, found.log_likelihood) == (None, None, whole.log_likelihood)
+    np.testing.assert_array_equal(found.P_end, whole.P_end)
+    np.testing.assert_array_equal(backward(steps, found, states=False).M, backward(steps, whole).M)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from cobot_joint.diagnosis.state_estimation.linearisation import Lineariser, Tangent, exponential
+from cobot_joint.diagnosis.state_estimation.linearisation import Lineariser, Tangent
+from cobot_joint.diagnosis.state_estimation.native.linear import exponential
 from cobot_joint.diagnosis.state_estimation.sampled import SampledSystem
 from cobot_joint.diagnosis.state_estimation.states import states_of, why_none
 from cobot_joint.errors import UserError

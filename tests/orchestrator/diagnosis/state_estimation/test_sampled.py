@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis.state_estimation.linearisation import Lineariser
 from cobot_joint.diagnosis.state_estimation.sampled import SampledSystem
-from tests.orchestrator.diagnosis.state_estimation.rig import SIGMA, bench, clock, inputs
+from tests.orchestrator.diagnosis.state_estimation.rig import COGGING, SIGMA, bench, clock, inputs
 
 
 def test_a_state_that_an_integrator_takes_past_its_bound_can_be_linearised_at() -> None:
@@ -20,3 +22,40 @@ def test_a_state_that_an_integrator_takes_past_its_bound_can_be_linearised_at() 
         assert piece.signals["motor_bldc.q_t"].min() < 0
         assert piece.x[:, heat].min() == 0
         assert np.isfinite(Lineariser(sampled, [])(piece).A).all()
+
+
+def test_a_run_along_a_recording_is_that_run_on_its_own() -> None:
+    """From a sample in its middle, with a signal at a port, and a value that holds from within it on."""
+    time, port = clock(1.0), "motor_bldc.tau_add"
+    given = inputs(time)
+    with SampledSystem(bench()[0], list(SIGMA), COGGING, {"motor_bldc.cogging.A": 0.425}) as sampled:
+        whole = sampled.run(sampled.start({}), time, given)
+        with sampled.along(time, given, [port]) as runs:
+            assert runs.quick is not None
+            for rows in (slice(0, 51), slice(400, 451), slice(450, 501), slice(700, 1001)):
+                for added in (None, {port: 1e-3 * np.exp(-time[rows] / 0.05)}):
+                    found = runs.run(whole.x[rows.start], rows, added)
+                    driven = {name: u[rows] for name, u in given.items()} | (added or {port: np.zeros(len(time[rows]))})
+                    expected = sampled.run(whole.x[rows.start], time[rows], driven)
+                    size = np.abs(expected.table).max(axis=0)
+                    np.testing.assert_allclose(found.table / (size + 1e-12), expected.table / (size + 1e-12), atol=1e-9)
+
+
+def test_a_unit_that_fails_along_a_recording_says_so() -> None:
+    time = clock(0.2)
+    with SampledSystem(bench()[0], list(SIGMA)) as sampled, sampled.along(time, inputs(time)) as runs:
+        x = sampled.start({})
+        assert np.isfinite(runs.run(x, slice(0, 51)).table).all()
+        with pytest.raises(SimulationError, match="motor_bldc"):
+            runs.run(np.where([s.name == "motor_bldc.w" for s in sampled.states], np.nan, x), slice(0, 51))
+
+
+def test_a_system_with_a_unit_in_its_own_process_is_followed_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only slower: such a unit is begun by the runs of the co-simulation."""
+    time = clock(0.1)
+    with SampledSystem(bench()[0], list(SIGMA)) as sampled, sampled.along(time, inputs(time)) as runs:
+        quick = runs.run(sampled.start({}), slice(20, 71))
+    monkeypatch.setenv("COBOT_JOINT_ISOLATE", "all")
+    with SampledSystem(bench()[0], list(SIGMA)) as sampled, sampled.along(time, inputs(time)) as runs:
+        assert runs.quick is None
+        np.testing.assert_allclose(runs.run(sampled.start({}), slice(20, 71)).y, quick.y, atol=1e-9)

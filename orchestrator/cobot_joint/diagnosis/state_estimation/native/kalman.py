@@ -1,6 +1,7 @@
-"""Linear Gaussian filtering and smoothing of deviations from a reference, sample by sample; the loops are in kalman.c.
+"""Linear Gaussian filtering and smoothing of deviations from a reference, sample by sample: kalman.c.
 
 z[k] = F[k] (z[k-1] + jump[k]) + w[k],  r[k] = H[k] z[k] + v[k];  cov w = diag Q, cov v = diag R.
+The last deviations fade by themselves: F = [F_x; 0 diag fade].
 
 Filter: Kalman 1960, J. Basic Eng. 82(1), channel after channel. Smoother: Bryson and Frazier's in the modified form,
 which inverts no covariance.
@@ -10,7 +11,7 @@ from __future__ import annotations
 
 import ctypes
 from ctypes import POINTER, c_double, c_int, c_size_t, c_void_p
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -23,35 +24,50 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Steps:
-    """n samples, N deviations, m channels. F: (n, N, N), jump: (n, N), H: (n, m, N); r: (n, m), NaN: not recorded."""
+    """n samples, N deviations, m channels. F: (n, n_x, N), the upper rows; fade: (N - n_x,), the others' diagonal;
+    jump: (n, N), H: (n, m, N); r: (n, m), NaN: not recorded."""
 
     F: Array
+    fade: Array
     jump: Array
     H: Array
     r: Array
 
     def __getitem__(self, rows: slice) -> Steps:
         """A stretch of them."""
-        return Steps(self.F[rows], self.jump[rows], self.H[rows], self.r[rows])
+        return Steps(self.F[rows], self.fade, self.jump[rows], self.H[rows], self.r[rows])
 
 
 @dataclass(frozen=True)
 class Filtered:
     """What a filter found. Predicted from earlier samples, updated with the present one.
 
-    predicted, updated: (n, N); P: covariance of `predicted`, (n, N, N). Of channels one by one: e:
-    innovations, (n, m), precision: 1/variance, (n, m), both 0 where not recorded, K: gains, (n, m, N). P_end:
-    covariance of the last `updated`; log_likelihood: of the innovations, but for its constant.
+    predicted, updated: (n, N); P: covariance of `predicted`, (n, N, N); all None where only innovations were asked for.
+    Of channels one by one: e: innovations, (n, m), precision: 1/variance, (n, m), both 0 where not recorded, K: gains,
+    (n, m, N). P_end: covariance of the last `updated`; log_likelihood: of the innovations, but for its constant.
     """
 
-    predicted: Array
-    updated: Array
-    P: Array
+    predicted: Array | None
+    updated: Array | None
+    P: Array | None
     e: Array
     precision: Array
     K: Array
     P_end: Array
-    log_likelihood: float
+    log_likelihood: float = 0.0
+
+    @classmethod
+    def room(cls, shape: tuple[int, int, int], states: bool = True, covariances: bool = False) -> Filtered:
+        """For n samples, m channels, N deviations."""
+        n, m, N = shape
+        predicted, updated = (np.empty((n, N)) if states else None for _ in range(2))
+        P = np.empty((n, N, N)) if covariances else None
+        return cls(predicted, updated, P, np.empty((n, m)), np.empty((n, m)), np.empty((n, m, N)), np.empty((N, N)))
+
+    def __getitem__(self, rows: slice) -> Filtered:
+        """A stretch of them, without its likelihood."""
+        predicted, updated, P = (None if x is None else x[rows] for x in (self.predicted, self.updated, self.P))
+        return Filtered(predicted, updated, P, self.e[rows], self.precision[rows], self.K[rows], self.P_end)
 
     @property
     def white(self) -> Array:
@@ -77,7 +93,10 @@ class Adjoint:
 
 
 class _Steps(ctypes.Structure):
-    _fields_ = [*((f, c_size_t) for f in ("n", "m", "N")), *((f, c_void_p) for f in ("F", "jump", "H", "r"))]
+    _fields_ = [
+        *((f, c_size_t) for f in ("n", "m", "N", "n_x")),
+        *((f, c_void_p) for f in ("F", "fade", "jump", "H", "r")),
+    ]
 
 
 class _Filtered(ctypes.Structure):
@@ -87,24 +106,27 @@ class _Filtered(ctypes.Structure):
     ]
 
 
-def forward(steps: Steps, Q: Array, R: Array, z: Array, P: Array, begins: bool = True) -> Filtered:
-    """Q: (N,), R: (m,), z: (N,), P: (N, N). begins: z and P belong to the first sample."""
-    n, m, N = steps.H.shape
-    found = Filtered(np.empty((n, N)), np.empty((n, N)), np.empty((n, N, N)), np.empty((n, m)), np.empty((n, m)),
-                     np.empty((n, m, N)), np.array(P), 0.0)  # fmt: skip
+def forward(
+    steps: Steps, Q: Array, R: Array, z: Array, P: Array, begins: bool = True, room: Filtered | None = None
+) -> Filtered:
+    """Q: (N,), R: (m,), z: (N,), P: (N, N). begins: z and P belong to the first sample. room: is filled; None: all."""
+    found = room or Filtered.room(steps.H.shape, covariances=True)
     out, arrays = _filtered(found), _contiguous(steps)
     Q, R, z = np.ascontiguousarray(Q), np.ascontiguousarray(R), np.array(z)
+    found = replace(found, P_end=np.array(P))
     _check(_typed_library().kalman_forward(
         ctypes.byref(_steps(arrays)), Q.ctypes.data, R.ctypes.data, begins, z.ctypes.data, found.P_end.ctypes.data,
         ctypes.byref(out),
     ))  # fmt: skip
-    return Filtered(**{**found.__dict__, "log_likelihood": float(out.log_likelihood)})
+    return replace(found, log_likelihood=float(out.log_likelihood))
 
 
 def backward(steps: Steps, found: Filtered, states: bool = True) -> Adjoint:
-    """The smoother over what the filter has found. states: whether deviations and their variances are asked for."""
+    """The smoother over what the filter has found. states: whether deviations and their variances are asked for, which
+    takes its P."""
+    assert not states or found.P is not None
     arrays = _contiguous(steps)
-    a, M = np.empty_like(found.predicted), np.empty_like(found.predicted)
+    a, M = np.empty_like(steps.jump), np.empty_like(steps.jump)
     out = Adjoint(a, M, np.empty_like(a) if states else None, np.empty_like(a) if states else None)
     _check(_typed_library().kalman_backward(
         ctypes.byref(_steps(arrays)), ctypes.byref(_filtered(found)),
@@ -130,18 +152,20 @@ def respond(steps: Steps, found: Filtered, psi: Array, direct: Array) -> Array:
 
 
 def _contiguous(steps: Steps) -> Steps:
-    return Steps(*(np.ascontiguousarray(x, dtype=np.float64) for x in (steps.F, steps.jump, steps.H, steps.r)))
+    arrays = (steps.F, steps.fade, steps.jump, steps.H, steps.r)
+    return Steps(*(np.ascontiguousarray(x, dtype=np.float64) for x in arrays))
 
 
 def _steps(steps: Steps) -> _Steps:
     """Points into the arrays, which have to outlive it."""
-    return _Steps(*steps.H.shape, *(x.ctypes.data for x in (steps.F, steps.jump, steps.H, steps.r)))
+    arrays = (steps.F, steps.fade, steps.jump, steps.H, steps.r)
+    return _Steps(*steps.H.shape, steps.F.shape[1], *(x.ctypes.data for x in arrays))
 
 
 def _filtered(found: Filtered) -> _Filtered:
     arrays = (found.predicted, found.updated, found.P, found.e, found.precision, found.K)
-    assert all(x.flags.c_contiguous for x in arrays)
-    return _Filtered(*(x.ctypes.data for x in arrays), 0.0)
+    assert all(x is None or x.flags.c_contiguous for x in arrays)
+    return _Filtered(*(None if x is None else x.ctypes.data for x in arrays), 0.0)
 
 
 def _check(status: int) -> None:

@@ -1,0 +1,1 @@
+"""Loops over samples in C, and the calls into them."""

@@ -146,9 +146,38 @@ WIDE int linear_jacobians(LinearSystem *s, size_t n, const double *time, const d
 /* From sample to sample ------------------------------------------------------------------------------------------------------- */
 
 static const double SMALL = 0.25; /* norm below which the exponential's series is summed */
-enum { ORDER = 8 };               /* of the series: 1e-11 is left out */
+enum { ORDER = 8, WIDEST = 16 };  /* of the series: 1e-11 is left out; of rows in registers */
 
-/* Scaling and squaring (Moler and Van Loan 2003, SIAM Review 45(1), method 3), of e^z and p: with z = A h/2^s,
+/* C = A B of m rows; `wide` is a constant where it is called from, so that a row stays in registers */
+INNER void row_by_row(size_t m, size_t wide, const double *A, const double *B, double *C) {
+  for (size_t i = 0; i < m; i++) {
+    double sum[WIDEST] = {0};
+    for (size_t k = 0; k < m; k++) {
+      const double a = A[i * wide + k];
+      if (a == 0) continue;
+      for (size_t j = 0; j < wide; j++) sum[j] += a * B[k * wide + j];
+    }
+    for (size_t j = 0; j < wide; j++) C[i * wide + j] = sum[j];
+  }
+}
+
+INNER void square_product(size_t m, size_t wide, const double *A, const double *B, double *C) {
+  switch (wide) {
+    case 4: row_by_row(m, 4, A, B, C); break;
+    case 8: row_by_row(m, 8, A, B, C); break;
+    case 12: row_by_row(m, 12, A, B, C); break;
+    case WIDEST: row_by_row(m, WIDEST, A, B, C); break;
+    default: multiply(m, wide, wide, A, B, C); /* what is 0 asks for no row */
+  }
+}
+
+/* E = I + z p */
+INNER void complete(size_t m, size_t wide, const double *z, const double *p, double *E) {
+  square_product(m, wide, z, p, E);
+  for (size_t i = 0; i < m; i++) E[i * wide + i] += 1;
+}
+
+/* Scaling and squaring (Moler and Van Loan 2003, SIAM Review 45(1), method 3), of p alone: with z = A h/2^s,
  * e^z = I + z p(z), p(2z) = p(z) (I + e^z)/2. Rows of `wide`, of which the last are 0; E and I likewise. work: 3 m wide */
 INNER void exponential(size_t m, size_t wide, const double *A, double h, const double *scale, double *E, double *I,
                        double *work) {
@@ -163,21 +192,17 @@ INNER void exponential(size_t m, size_t wide, const double *A, double h, const d
   const double part = ldexp(1.0, -halvings);
   for (size_t i = 0; i < m * wide; i++) z[i] *= part;
   for (size_t i = 0; i < m; i++) p[i * wide + i] = 1;
-  for (int k = ORDER; k >= 1; k--) { /* p = I + z/2 (I + z/3 (I + ...)); last, e^z = I + z p */
-    double *out = k > 1 ? next : E;
-    multiply(m, wide, wide, z, p, out); /* what is 0 asks for no row */
-    for (size_t i = 0; i < m * wide; i++) out[i] /= k;
-    for (size_t i = 0; i < m; i++) out[i * wide + i] += 1;
-    if (k == 1) break;
-    double *kept = p;
-    p = next;
-    next = kept;
+  for (int k = ORDER; k > 1; k--) { /* p = I + z/2 (I + z/3 (I + ...)) */
+    square_product(m, wide, z, p, next);
+    for (size_t i = 0; i < m * wide; i++) p[i] = next[i] / k;
+    for (size_t i = 0; i < m; i++) p[i * wide + i] += 1;
   }
+  complete(m, wide, z, p, E);
   for (; halvings > 0; halvings--) {
-    multiply(m, wide, wide, p, E, next);
+    square_product(m, wide, p, E, next);
     for (size_t i = 0; i < m * wide; i++) p[i] = (p[i] + next[i]) / 2;
-    multiply(m, wide, wide, E, E, next);
-    memcpy(E, next, m * wide * sizeof *E);
+    for (size_t i = 0; i < m * wide; i++) z[i] *= 2;
+    complete(m, wide, z, p, E); /* its zeros make this cheaper than e^z e^z */
   }
   for (size_t i = 0; i < m; i++)
     for (size_t j = 0; j < m; j++) {

@@ -230,8 +230,14 @@ def _scoreboard(score: dict[str, Any]) -> None:
 def _case_row(row: dict[str, Any]) -> tuple[str, str, str]:
     """What was concealed and what was said of it, what was said beside it, what the repair removes."""
     said = "; ".join(f"{e['name']}: {_said(e)}" for e in row["effects"]) or "nothing"
-    removed = "" if row["excess_removed"] is None else f"{100 * row['excess_removed']:.1f} %"
-    return said, ", ".join(row["false"]) or row["why"], removed
+    return said, ", ".join(row["false"]) or row["why"], _removed(row["excess_removed"])
+
+
+def _removed(excess: float | None) -> str:
+    """Of the held-out error above noise; a repair that adds to it removes nothing."""
+    if excess is None:
+        return ""
+    return f"{100 * excess:.1f} %" if excess >= 0 else "worse"
 
 
 def _field_row(row: dict[str, Any]) -> tuple[str, str, str]:

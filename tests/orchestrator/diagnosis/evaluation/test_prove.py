@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
+from cobot_joint.diagnosis import commands
 from cobot_joint.diagnosis.data.campaign import holdouts
 from cobot_joint.diagnosis.evaluation.prove import cases_of, prove
 from cobot_joint.diagnosis.evaluation.score import seal
@@ -93,3 +94,10 @@ def test_a_folder_without_cases_is_refused(tmp_path: Path, make: bool) -> None:
         folder.mkdir()
     with pytest.raises(UserError, match="a set is a folder of folders with a"):
         cases_of(folder)
+
+
+@pytest.mark.parametrize(("excess", "said"), [(None, ""), (0.9993, "99.9 %"), (-5.839, "worse")])
+def test_no_share_that_is_removed_is_printed_below_zero(excess: float | None, said: str) -> None:
+    """a withheld repair of proof/sealed/case13 had printed -583.9 %"""
+    row = {"effects": [], "false": [], "why": "", "excess_removed": excess}
+    assert commands._case_row(row)[2] == said

@@ -128,12 +128,11 @@ static double encoder_counts(const Unit *m) { return floor(4 * m->encoder_lines 
 static void unit_observe(Unit *m) {
   const int n = modulo6(six_step(m) ? m->sector[0] : sector_of(electrical_angle(m)));
   if (m->motor_level == AVERAGED || switching(m)) {
-    double i3[3] = {0}, shape[3];
-    i3[HIGH[n]] = m->x_i;
-    i3[LOW[n]] = -m->x_i;
-    m->i_a = i3[0];
-    m->i_b = i3[1];
-    m->i_c = i3[2];
+    const int high = HIGH[n], low = LOW[n]; /* no array: its parts would have to be stored before it could be read */
+    double shape[3];
+    m->i_a = high == 0 ? m->x_i : low == 0 ? -m->x_i : 0;
+    m->i_b = high == 1 ? m->x_i : low == 1 ? -m->x_i : 0;
+    m->i_c = high == 2 ? m->x_i : low == 2 ? -m->x_i : 0;
     trapezoids(electrical_angle(m), shape);
     const double e = emf_constant(m, m->x_i, m->x_i * m->w < 0) / 2 * m->w;
     m->e_a = e * shape[0];

@@ -17,6 +17,7 @@ from cobot_joint.diagnosis.basis import of_campaign
 from cobot_joint.diagnosis.budget import Budget
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.conditioning import ChannelQuality, condition
+from cobot_joint.diagnosis.estimation.problem import one_blas_thread
 from cobot_joint.diagnosis.findings import Diagnosis
 from cobot_joint.diagnosis.provenance import components, provenance
 from cobot_joint.diagnosis.repair.compare import Comparison, channel_figures
@@ -132,7 +133,8 @@ def anchored(campaign: Campaign, out: Path, calibrated: Mapping[str, float], say
     runs = {role: found for role, found in (("holdout", campaign.holdout), ("train", campaign.train)) if found}
     try:
         systems, noise = variants(campaign, out, calibrated), noise_of(campaign)
-        return {role: predicted_figures(recordings, systems, noise) for role, recordings in runs.items()}
+        with one_blas_thread():
+            return {role: predicted_figures(recordings, systems, noise) for role, recordings in runs.items()}
     except SimulationError as error:
         say(f"no anchored prediction: {error}")
         return {}

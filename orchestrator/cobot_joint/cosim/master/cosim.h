@@ -140,8 +140,8 @@ typedef struct
  * jacobian: [n_points][directions.n][unknown.n], filled, or NULL */
 COSIM_API int cosim_points(PointFunction *f, size_t n_points, const double *time, const double *known, double *unknown,
                            double *jacobian);
-/* At one point the derivatives by one direction, a column for each set of values of some Reals. varied: which, values:
- * [n_columns][varied->n]; jacobian: [n_columns][unknown.n], filled */
+/* At one point the derivatives by one direction, or by one in each column, a column for each set of values of some Reals.
+ * varied: which, values: [n_columns][varied->n]; jacobian: [n_columns][unknown.n], filled */
 COSIM_API int cosim_varied(PointFunction *f, double t, const double *known, const Variables *varied, size_t n_columns,
                            const double *values, double *jacobian);
 

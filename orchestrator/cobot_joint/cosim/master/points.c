@@ -50,7 +50,8 @@ int cosim_varied(PointFunction *f, double t, const double *known, const Variable
   if (set_point(f, t, known)) return -1;
   for (size_t j = 0; j < n_columns; j++) {
     if (varied->n) TRY(f->set_real(f->component, varied->refs, varied->n, values + j * varied->n), "fmi2SetReal");
-    TRY(f->get_directional_derivative(f->component, f->unknown.refs, f->unknown.n, f->directions.refs, 1, &one,
+    const fmi2ValueReference *direction = f->directions.refs + (f->directions.n > 1 ? j : 0);
+    TRY(f->get_directional_derivative(f->component, f->unknown.refs, f->unknown.n, direction, 1, &one,
                                       jacobian + j * f->unknown.n),
         "fmi2GetDirectionalDerivative");
   }

@@ -135,8 +135,7 @@ class Beside:
                 own = slice(k * width, (k + 1) * width)
                 gain = self.regression.gain(more[own])
                 if gain > (best[0] if best else 0.0):
-                    part = Effect([p[:, :, own] for p in effect.psi], [d[:, :, own] for d in effect.direct])
-                    best = gain, shape, more[own], part
+                    best = gain, shape, more[own], effect[own]
         added = self.regression.added(best[2]) if best else None
         if best is None or added is None:
             return None
@@ -147,20 +146,27 @@ class Beside:
         """From the time on from which it does best, if that is worth so much more than being there from the start."""
         last = max(float(t.tracked.time[-1]) for t in self.trackings)
         best, width = found, last / (STEPS + 2)
-        for onset in (*(np.arange(1, STEPS + 1) * width), None, None):
-            times = [onset] if onset is not None else [] if best.onset is None else [
-                best.onset + share * width for share in (-0.5, -0.25, 0.25, 0.5)
-            ]  # fmt: skip
-            width = width if onset is not None else width / 4
-            for t_0 in times:
-                effect = self._since(found.effect, float(t_0))
-                added = self.regression.added(self._products(self._white(effect)))
+        for look in range(3):
+            times = [] if best.onset is None else [best.onset + share * width for share in (-0.5, -0.25, 0.25, 0.5)]
+            if look == 0:
+                times = list(np.arange(1, STEPS + 1) * width)
+            else:
+                width /= 4
+            if not times:
+                continue
+            count = len(found.added.coefficients)
+            products = self._products(self._white(self._since(found.effect, times)))  # one pass over the recordings
+            for k, t_0 in enumerate(times):
+                own = slice(k * count, (k + 1) * count)
+                added = self.regression.added(products[own])
                 evidence = -np.inf if added is None else added.evidence - np.log(STEPS)
                 if added is not None and evidence > best.evidence + (worth if best.onset is None else 0.0):
                     shapes = {s.name: float(found.values[s.name]) for s in found.term.shapes}
                     values = _values(found.term, shapes, added.coefficients)
-                    best = Candidate(found.term, values, float(t_0), added, float(evidence), effect, found.by_runs)
-        return best
+                    best = Candidate(
+                        found.term, values, float(t_0), added, float(evidence), found.effect, found.by_runs
+                    )
+        return best if best.onset is None else replace(best, effect=self._since(found.effect, [best.onset]))
 
     def predicted(self, found: Candidate) -> Array:
         """Log likelihood that it adds to each of `blocks`, all fitted to the others: (blocks,)"""
@@ -171,11 +177,14 @@ class Beside:
         others, over being held at the bound, which is so much from the value that it has now: (blocks,)"""
         return self.regression.predicted_free(self.names.index(name), bound)
 
-    def _since(self, effect: Effect, onset: float) -> Effect:
-        """The same from a time on."""
-        on = [t.tracked.time >= onset for t in self.trackings]
-        return Effect([p * m[1:, None, None] for p, m in zip(effect.psi, on, strict=True)],
-                      [d * m[:, None, None] for d, m in zip(effect.direct, on, strict=True)])  # fmt: skip
+    def _since(self, effect: Effect, onsets: Sequence[float]) -> Effect:
+        """The same from a time on, for each of some."""
+        on = [[t.tracked.time >= onset for onset in onsets] for t in self.trackings]
+        psi = [np.concatenate([p * m[1:, None, None] for m in of_one], axis=2)
+               for p, of_one in zip(effect.psi, on, strict=True)]  # fmt: skip
+        direct = [np.concatenate([d * m[:, None, None] for m in of_one], axis=2)
+                  for d, of_one in zip(effect.direct, on, strict=True)]  # fmt: skip
+        return Effect(psi, direct)
 
     def _shortlist(self, term: TermCandidate, every: Sequence[Mapping[str, float]]) -> Sequence[Mapping[str, float]]:
         """Those that do best on a stretch of each recording."""
@@ -202,8 +211,12 @@ class Beside:
 
     def _sums(self, a: Sequence[Array], b: Sequence[Array]) -> Array:
         """(blocks, columns of a, columns of b)"""
-        return np.stack([a[n][rows].reshape(-1, a[n].shape[2]).T @ b[n][rows].reshape(-1, b[n].shape[2])
-                         for n, rows in self.blocks])  # fmt: skip
+
+        def of_one(block: tuple[int, slice]) -> Array:
+            n, rows = block
+            return np.asarray(a[n][rows].reshape(-1, a[n].shape[2]).T @ b[n][rows].reshape(-1, b[n].shape[2]))
+
+        return np.stack(at_once(of_one, self.blocks))
 
 
 def trimmed_sum(blocks: Array) -> float:

@@ -81,7 +81,7 @@ class Tracker:
         sampled = self._systems.enter_context(SampledSystem(system, list(recording.outputs), own, late))
         if recording.setup not in self._structures:
             ports = [port.name for port in self.plant.ports if port.name in system.inputs]
-            self._structures[recording.setup] = structure(sampled, recording, ports, self.noise)
+            self._structures[recording.setup] = structure(sampled, sampled.free(recording), ports, self.noise)
         known, before = self._structures[recording.setup], self._latents.get(recording.name)
         both = (*known.latents, *(replace(latent, tau=SLOW) for latent in known.latents))
         estimator = StateEstimator(sampled, self.noise, before or both, known.followed)

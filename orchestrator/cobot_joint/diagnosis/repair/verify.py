@@ -17,6 +17,7 @@ from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.conditioning import condition
 from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.estimation.problem import one_blas_thread
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.simulator import Simulator
 from cobot_joint.diagnosis.repair.compare import Comparison, channel_figures, compare, table
@@ -75,7 +76,8 @@ def verify(folder: Path, campaign: Campaign) -> dict[str, Any]:
 def _predicted(campaign: Campaign, systems: Mapping[str, Variant]) -> tuple[Mapping[str, Any], str]:
     """Anchored predictions by channel; none, and why, where a unit fails at a state that a filter has estimated."""
     try:
-        return predicted_figures(campaign.holdout, systems, noise_of(campaign)), ""
+        with one_blas_thread():
+            return predicted_figures(campaign.holdout, systems, noise_of(campaign)), ""
     except SimulationError as error:
         return {}, str(error)
 

@@ -45,6 +45,10 @@ class Effect:
     psi: Sequence[Array]
     direct: Sequence[Array]
 
+    def __getitem__(self, own: slice) -> Effect:
+        """Some of the columns."""
+        return Effect([p[:, :, own] for p in self.psi], [d[:, :, own] for d in self.direct])
+
 
 @dataclass(frozen=True)
 class TermScore:
@@ -206,7 +210,7 @@ class Evidence:
         fastest = float(np.abs(np.diff(t.tracked.x[:, angles], axis=0)).max(initial=0.0))
         quick = np.array(orders) * fastest > TURN
         parts = [np.flatnonzero(quick == inside).tolist() for inside in (False, True)]
-        found = [self._answer(n, amplitude, [values[j] for j in part], inside)
+        found = [self._answer(n, [amplitude], [values[j] for j in part], inside)
                  for part, inside in zip(parts, (False, True), strict=True) if len(part)]  # fmt: skip
         if len(found) == 1:
             return found[0]
@@ -215,14 +219,14 @@ class Evidence:
         return psi, direct
 
     def _answer(
-        self, n: int, amplitude: str, values: Sequence[Mapping[str, Value]], inside: bool
+        self, n: int, parameters: Sequence[str], values: Sequence[Mapping[str, Value]], inside: bool
     ) -> tuple[Array, Array]:
         """The same; inside: of what changes within a step, summed over parts of it."""
         t = self.trackings[n]
         tangent = t.tracked.tangent
         Phi, Hold = self._part_of_step(n) if inside else (tangent.Phi, tangent.Hold)
         answer = Answer(POINTS * inside, Phi, Hold, tangent.T, tangent.S)
-        return t.estimator.lineariser.effect(amplitude, values, t.tracked.piece, answer)
+        return t.estimator.lineariser.effect(parameters, values, t.tracked.piece, answer)
 
     def _part_of_step(self, n: int) -> tuple[Array, Array]:
         """Phi and Hold of a part of each step; kept, since every periodic term asks for them."""
@@ -232,18 +236,21 @@ class Evidence:
         return self._parts[n]
 
     def _of_parameters(self) -> Effect:
-        parts = [self.of_term(TermCandidate(p, p, 0.0, -np.inf, np.inf, ""), [{}]) for p in self.parameters]
-        psi, direct = [], []
-        for n, t in enumerate(self.trackings):
-            psi.append(
-                np.concatenate(
-                    [p.psi[n] for p in parts] or [np.zeros((len(t.tracked.time) - 1, t.estimator.x.stop, 0))], axis=2
-                )
-            )
-            direct.append(
-                np.concatenate([p.direct[n] for p in parts] or [np.zeros((*t.tracked.steps.r.shape, 0))], axis=2)
-            )
-        return Effect(psi, direct)
+        components = dict.fromkeys(name.split(".")[0] for name in self.parameters)
+
+        def of_one(n: int) -> tuple[Array, Array]:
+            t, count = self.trackings[n], len(self.parameters)
+            psi = np.zeros((len(t.tracked.time) - 1, t.estimator.x.stop, count))
+            direct = np.zeros((*t.tracked.steps.r.shape, count))
+            for component in components:
+                own = [k for k, name in enumerate(self.parameters) if name.split(".")[0] == component]
+                if self._has(t, component):
+                    names = [self.parameters[k] for k in own]
+                    psi[:, :, own], direct[:, :, own] = self._answer(n, names, [{}] * len(own), False)
+            return psi, direct
+
+        found = at_once(of_one, range(len(self.trackings)))
+        return Effect([psi for psi, _ in found], [direct for _, direct in found])
 
     @staticmethod
     def _has(t: Tracking, name: str) -> bool:

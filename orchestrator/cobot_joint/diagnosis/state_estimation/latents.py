@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.state_estimation.estimator import Latent, StateEstimator, Tracked
 from cobot_joint.diagnosis.state_estimation.linearisation import Jacobians, Lineariser
 from cobot_joint.diagnosis.state_estimation.noise import ChannelNoise
-from cobot_joint.diagnosis.state_estimation.sampled import SampledSystem
+from cobot_joint.diagnosis.state_estimation.sampled import Piece, SampledSystem
 
 Array = NDArray[np.float64]
 COARSE = 20  # samples between the points at which a free run is linearised
@@ -38,11 +37,9 @@ class Structure:
 
 
 def structure(
-    sampled: SampledSystem, recording: Recording, ports: Sequence[str], noise: Mapping[str, ChannelNoise]
+    sampled: SampledSystem, piece: Piece, ports: Sequence[str], noise: Mapping[str, ChannelNoise]
 ) -> Structure:
-    """Along a free run of the recording. ports: inputs of the system that are 0 when unused."""
-    time = recording.time - recording.time[0]
-    piece = sampled.run(sampled.start(recording.initial), time, recording.inputs)
+    """Along a free run of a recording. ports: inputs of the system that are 0 when unused."""
     J = Lineariser(sampled, ports)(piece, slice(None, None, COARSE))
     followed = _followed(J)
     sigma = np.array([noise[c].sigma for c in sampled.channels])

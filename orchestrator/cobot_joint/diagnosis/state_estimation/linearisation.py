@@ -183,22 +183,23 @@ class Lineariser:
         return UnitFunction(self.sampled.simulation.instances[part.component.name], values, part.known, part.unknown)
 
     def effect(
-        self, parameter: str, values: Sequence[Mapping[str, Value]], piece: Piece, answer: effect.Answer
+        self, parameters: Sequence[str], values: Sequence[Mapping[str, Value]], piece: Piece, answer: effect.Answer
     ) -> tuple[Array, Array]:
-        """What a unit of one parameter adds to the followed states from sample to sample and to the channels: (n - 1,
-        states, columns), (n, channels, columns). values: of other Real parameters of its unit, `component.variable`,
-        the same ones in every column.
+        """What a unit of a parameter adds to the followed states from sample to sample and to the channels: (n - 1,
+        states, columns), (n, channels, columns). parameters: of one component, one or one for each column; values: in
+        each column, of other Real parameters of the component, the same ones in all of them.
 
         SimulationError: the unit refuses.
         """
-        name, variable = parameter.split(".", 1)
+        name = parameters[0].split(".", 1)[0]
         part = next(p for p in self._parts if p.component.name == name)
         if name not in self._of_part:
             self._of_part[name] = Known(self.sampled, [(name, v) for v in part.known])
         function = self._function(part, self.sampled.values_of(name, float(piece.time[0])))
         varied = [v.split(".", 1)[1] for v in values[0]]
         columns = np.array([[float(v) for v in column.values()] for column in values])
-        points = effect.Part(function, variable, part.inner, part.outer, piece.time, self._of_part[name](piece))
+        own = [parameter.split(".", 1)[1] for parameter in parameters]
+        points = effect.Part(function, own, part.inner, part.outer, piece.time, self._of_part[name](piece))
         return effect.along(points, varied, columns, answer)
 
     def _part(self, component: Component) -> _Part:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.diagnosis.data.recording import Recording
-from cobot_joint.diagnosis.plant.at_once import in_processes
+from cobot_joint.diagnosis.plant.at_once import at_once
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.state_estimation.estimator import StateEstimator
 from cobot_joint.diagnosis.state_estimation.latents import structure, with_sizes
@@ -55,9 +55,8 @@ def predicted_figures(
         return dict.fromkeys(channels)
     errors: dict[str, dict[str, list[Array]]] = {channel: {name: [] for name in variants} for channel in channels}
     every = [(recording, variant) for recording in recordings for variant in variants.values()]
-    done = iter(
-        in_processes(partial(predict, noise=noise, horizon=horizon), *zip(*every, strict=True)) if every else []
-    )
+    one = partial(predict, noise=noise, horizon=horizon)
+    done = iter(at_once(one, *zip(*every, strict=True)) if every else [])
     for recording in recordings:
         of_each = {name: next(done) for name in variants}
         lost = any(predicted.lost(recording, noise) for predicted in of_each.values())
@@ -102,22 +101,22 @@ def predict(
     ports = [port.name for port in plant.ports]
     there = {n: v for n, v in variant.values.items() if n.split(".")[0] in {c.name for c in system.components}}
     with SampledSystem(system, list(recording.outputs), there) as sampled:
-        known = structure(sampled, recording, ports, noise)
+        time = recording.time - recording.time[0]
+        whole = sampled.free(recording)
+        known = structure(sampled, whole, ports, noise)
         estimator = StateEstimator(sampled, noise, known.latents, known.followed)
         tracked = estimator.track(recording)
         tracked = with_sizes(estimator, tracked).refilter(tracked)
         assert tracked.filtered.predicted is not None
-        y = np.full((len(recording.time), len(sampled.channels)), np.nan)
-        for first, end in pieces(recording, horizon):
-            x = tracked.x[first].copy()
-            if first:  # else it is where the run begins
-                z = tracked.reference[first] + tracked.filtered.predicted[first]
-                x[estimator.followed] = z[estimator.x]
-            rows = slice(first, end)
-            inputs = {name: u[rows] for name, u in recording.inputs.items()}
-            y[rows] = sampled.run(x, tracked.time[rows], inputs).y
-        whole = sampled.run(sampled.start(recording.initial), tracked.time, dict(recording.inputs)).y
-        free = np.where(np.isfinite(y), whole, np.nan)
+        y = np.full((len(time), len(sampled.channels)), np.nan)
+        with sampled.along(time, recording.inputs) as runs:
+            for first, end in pieces(recording, horizon):
+                x = tracked.x[first].copy()
+                if first:  # else it is where the run begins
+                    z = tracked.reference[first] + tracked.filtered.predicted[first]
+                    x[estimator.followed] = z[estimator.x]
+                y[first:end] = runs.run(x, slice(first, end)).y
+        free = np.where(np.isfinite(y), whole.y, np.nan)
         channels = list(enumerate(sampled.channels))
         return Predicted({name: y[:, j] for j, name in channels}, {name: free[:, j] for j, name in channels})
 

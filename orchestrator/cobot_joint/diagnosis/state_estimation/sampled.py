@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.cosim import Experiment, Simulation
+from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.state_estimation.native.restart import Restarts, restarts
 from cobot_joint.diagnosis.state_estimation.states import states_of, why_none
 from cobot_joint.errors import UserError
@@ -145,6 +146,10 @@ class SampledSystem:
     def inside(self, x: Array) -> Array:
         """States inside their bounds: (.., states)"""
         return x.clip(*self._bounds)
+
+    def free(self, recording: Recording) -> Piece:
+        """From a recording's beginning to its end. SimulationError: a unit fails."""
+        return self.run(self.start(recording.initial), recording.time - recording.time[0], recording.inputs)
 
     def piece(self, time: Array, table: Array, inputs: Mapping[str, Array]) -> Piece:
         """Of a table of what was recorded."""

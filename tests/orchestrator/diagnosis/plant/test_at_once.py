@@ -1,31 +1,18 @@
-"""Work that is spread over threads and processes comes back in its order, or says what went wrong."""
+"""Work that is spread over threads comes back in its order."""
 
 from __future__ import annotations
 
-import os
+import threading
 
-import pytest
-
-from cobot_joint.cosim import SimulationError
-from cobot_joint.diagnosis.plant.at_once import at_once, in_processes
-
-
-def _square(x: int) -> tuple[int, int]:
-    return x * x, os.getpid()
-
-
-def _die(x: int) -> int:
-    os._exit(x)
+from cobot_joint.diagnosis.plant.at_once import at_once
 
 
 def test_results_come_in_the_order_of_what_was_asked() -> None:
-    assert [x for x, _ in at_once(_square, range(9))] == [x * x for x in range(9)]
-    found = in_processes(_square, range(9))
-    assert [x for x, _ in found] == [x * x for x in range(9)]
-    assert os.getpid() not in {process for _, process in found}
-    assert in_processes(_square, []) == []
+    both = threading.Barrier(2, timeout=10)  # passed by two threads only
 
+    def square(x: int) -> int:
+        both.wait()
+        return x * x
 
-def test_a_process_that_dies_is_a_simulation_that_failed() -> None:
-    with pytest.raises(SimulationError, match="a process that simulated died"):
-        in_processes(_die, [3, 3])
+    assert at_once(square, range(10)) == [x * x for x in range(10)]
+    assert at_once(square, []) == []

@@ -21,7 +21,7 @@ def sampled() -> Iterator[SampledSystem]:
 
 
 def smoothed(sampled: SampledSystem, recording: Recording) -> tuple[Structure, Tracked, Smoothed]:
-    known = structure(sampled, recording, bench()[1], NOISE)
+    known = structure(sampled, sampled.free(recording), bench()[1], NOISE)
     estimator = StateEstimator(sampled, NOISE, known.latents, known.followed)
     tracked = estimator.track(recording)
     estimator = with_sizes(estimator, tracked)
@@ -34,7 +34,7 @@ def port(known: Structure, name: str) -> int:
 
 
 def test_ports_that_the_channels_cannot_tell_apart_are_one(sampled: SampledSystem) -> None:
-    known = structure(sampled, recorded(run()), bench()[1], NOISE)
+    known = structure(sampled, sampled.free(recorded(run())), bench()[1], NOISE)
     assert known.alike["motor_bldc.tau_add"] == ("planetary_gear.tau_add",)
     assert "torque_sensor.y_add" in known.alike
     assert "motor_bldc.v_add" in known.alike
@@ -71,7 +71,7 @@ def test_a_gap_is_passed_over_and_widens_the_band(sampled: SampledSystem) -> Non
     lost = (clock() > 1.2) & (clock() < 1.4)
     outputs = {name: np.where(lost, np.nan, y) for name, y in whole.outputs.items()}
     recording = Recording("run", "train", "loaded", whole.time, whole.inputs, outputs, {})
-    known = structure(sampled, recording, bench()[1], NOISE)
+    known = structure(sampled, sampled.free(recording), bench()[1], NOISE)
     estimator = StateEstimator(sampled, NOISE, known.latents, known.followed)
     tracked = estimator.track(recording)
     found = estimator.smooth(tracked)

@@ -31,7 +31,7 @@ def tracking(
 ) -> tuple[Tracking, dict[str, tuple[str, ...]]]:
     sampled = stack.enter_context(SampledSystem(bench()[0], list(SIGMA)))
     recording = recorded(run(values, added))
-    known = structure(sampled, recording, bench()[1], NOISE)
+    known = structure(sampled, sampled.free(recording), bench()[1], NOISE)
     estimator = StateEstimator(sampled, NOISE, known.latents, known.followed)
     tracked = estimator.track(recording)
     estimator = with_sizes(estimator, tracked)

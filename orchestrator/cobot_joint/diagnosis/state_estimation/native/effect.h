@@ -7,7 +7,7 @@
 #include "../../../cosim/master/cosim.h"
 
 typedef struct {
-  PointFunction *function; /* of the parameter's unit; its direction: the parameter */
+  PointFunction *function; /* of the parameter's unit; its directions: the parameter, or one for each column */
   const double *jacobian;  /* [n][n_columns][unknown] at the samples; NULL: the unit gives directional derivatives */
   Variables varied;        /* what differs from column to column, and how: [n_columns][varied.n] */
   const double *values;

@@ -20,11 +20,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Part:
-    """Of a unit: function: its direction is the parameter; inner, outer: rows of its unknowns among the followed states
+    """Of a unit: parameters: one, or one for each column; inner, outer: rows of its unknowns among the followed states
     and the outputs that are read; time: (n,), known: (n, known variables)."""
 
     function: UnitFunction
-    parameter: str
+    parameters: Sequence[str]
     inner: Sequence[int]
     outer: Sequence[int]
     time: Array
@@ -64,7 +64,7 @@ def along(part: Part, varied: Sequence[str], values: Array, answer: Answer) -> t
     psi, direct = np.empty((len(T), T.shape[1], n_c)), np.empty((len(S), S.shape[1], n_c))
     variables = part.function.instance.variables
     assert all(variables[name].type == "Real" for name in varied)  # else its number says another variable
-    f = part.function.prepared([part.parameter])
+    f = part.function.prepared(part.parameters)
     given = None if part.function.gives_derivatives else _given(part, varied, values)
     if given is None:
         part.function.begin(f)
@@ -87,11 +87,11 @@ def along(part: Part, varied: Sequence[str], values: Array, answer: Answer) -> t
 def _given(part: Part, varied: Sequence[str], values: Array) -> Array:
     """(n, columns, unknown) at the samples, of a unit that gives no directional derivatives."""
     f, found = part.function, []
-    for column in values:
+    for column in values if len(part.parameters) == 1 else values[:1]:
         own = UnitFunction(f.instance, {**f.values, **dict(zip(varied, map(float, column), strict=True))}, f.known,
                            f.unknown)  # fmt: skip
-        found.append(own.jacobian(part.time, part.known, [part.parameter])[:, :, 0])
-    return np.stack(found, axis=1)
+        found.append(own.jacobian(part.time, part.known, part.parameters))
+    return np.ascontiguousarray(np.concatenate(found, axis=2).transpose(0, 2, 1))
 
 
 @cache

@@ -7,16 +7,18 @@ time, quick and slow, are the latent forces themselves.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.diagnosis.plant.plant import SPEEDS, Port
-from cobot_joint.diagnosis.state_estimation.evidence import Effect, Tracking
+from cobot_joint.diagnosis.state_estimation.evidence import Tracking
 
 Array = NDArray[np.float64]
+Of = Callable[[int], tuple[Array, Array]]  # an effect's psi and direct in the tracking of that number
 OVER_SPEED, OVER_LOAD = 10, 6  # bells side by side
 STANDS = 1e-9  # range of a signal that does not change
 
@@ -36,8 +38,8 @@ class Group:
         return self.signals.shape[1]
 
 
-def background(trackings: Sequence[Tracking], ports: Sequence[Port]) -> Iterator[tuple[Group, Effect]]:
-    """Along the recorded motion, group by group. ports: of the plant."""
+def background(trackings: Sequence[Tracking], ports: Sequence[Port]) -> Iterator[tuple[Group, Of]]:
+    """Along the recorded motion, group by group, and a unit of each function in each tracking. ports: of the plant."""
     there = {name for t in trackings for name in t.estimator.ports}
     for port in (p for p in ports if p.name in there):
         for name, count in _variables(trackings, port):
@@ -47,9 +49,8 @@ def background(trackings: Sequence[Tracking], ports: Sequence[Port]) -> Iterator
             if high - low < STANDS:
                 continue
             bells = [None if x is None else _bells(x, low, high, count) for x in series]
-            parts = [_at_port(t, port.name, b, count) for t, b in zip(trackings, bells, strict=True)]
             signals = np.concatenate([b for b in bells if b is not None])
-            yield Group(port.name, name, signals), Effect([inner for inner, _ in parts], [outer for _, outer in parts])
+            yield Group(port.name, name, signals), partial(_at_port, trackings, port.name, bells, count)
 
 
 def _variables(trackings: Sequence[Tracking], port: Port) -> list[tuple[str, int]]:
@@ -76,9 +77,12 @@ def _bells(x: Array, low: float, high: float, count: int) -> Array:
     return np.asarray(np.exp(-0.5 * ((x[:, None] - middles) / (middles[1] - middles[0])) ** 2))
 
 
-def _at_port(t: Tracking, port: str, signals: Array | None, count: int) -> tuple[Array, Array]:
-    """(n - 1, states, count), (n, channels, count): of signals (n, count) that enter at a latent's port; None: there is
-    no such port."""
+def _at_port(
+    trackings: Sequence[Tracking], port: str, bells: Sequence[Array | None], count: int, number: int
+) -> tuple[Array, Array]:
+    """(n - 1, states, count), (n, channels, count): in the tracking of that number, of signals (n, count) that enter at
+    a latent's port; None: there is no such port."""
+    t, signals = trackings[number], bells[number]
     if signals is None:
         shape = (*t.tracked.steps.r.shape, count)
         return np.zeros((shape[0] - 1, t.estimator.x.stop, count)), np.zeros(shape)

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.diagnosis.anchored.background import Group, background
+from cobot_joint.diagnosis.anchored.background import Group, Of, background
 from cobot_joint.diagnosis.anchored.regression import Added, Columns, Products, Regression
 from cobot_joint.diagnosis.plant.at_once import at_once
 from cobot_joint.diagnosis.plant.plant import Port, TermCandidate
@@ -66,11 +66,11 @@ class Beside:
         self.names = self.evidence.parameters
         self._weight = [_followed(t) for t in self.trackings]
         self.background: list[Group] = []
-        parts = [self._white(e) for e in (self.evidence.base, *linear)]
-        for group, effect in background(trackings, ports):
+        parts: list[tuple[int, Of]] = [(e.direct[0].shape[2], e.of) for e in (self.evidence.base, *linear)]
+        for group, of in background(trackings, ports):
             self.background.append(group)
-            parts.append(self._white(effect))
-        self._X = [np.concatenate(of_one, axis=2) for of_one in zip(*parts, strict=True)]
+            parts.append((group.count, of))
+        self._X = self._whites(parts)
         self._e = [t.tracked.filtered.white[:, :, None] * w for t, w in zip(self.trackings, self._weight, strict=True)]
         self.blocks = [(n, rows) for n, t in enumerate(self.trackings)
                         for rows in _quarters(len(t.tracked.time))]  # fmt: skip
@@ -200,11 +200,21 @@ class Beside:
 
     def _white(self, effect: Effect) -> list[Array]:
         """In the innovations: (n, channels, columns) per recording"""
+        return self._whites([(effect.direct[0].shape[2], effect.of)])
 
-        def of_one(t: Tracking, psi: Array, direct: Array, w: Array) -> Array:
-            return respond(t.tracked.steps, t.tracked.filtered, psi, direct) * w
+    def _whites(self, parts: Sequence[tuple[int, Of]]) -> list[Array]:
+        """The same of several, by their columns, side by side."""
+        ends = np.cumsum([0, *(count for count, _ in parts)])
 
-        return at_once(of_one, self.trackings, effect.psi, effect.direct, self._weight)
+        def of_one(n: int) -> Array:
+            tracked = self.trackings[n].tracked
+            white = np.empty((*tracked.steps.r.shape, ends[-1]))
+            for (_, of), (first, end) in zip(parts, pairwise(ends), strict=True):
+                respond(tracked.steps, tracked.filtered, *of(n), white[:, :, first:end])
+            white *= self._weight[n]
+            return white
+
+        return at_once(of_one, range(len(self.trackings)))
 
     def _products(self, white: Sequence[Array]) -> Products:
         return Products(self._sums(white, white), self._sums(self._X, white), self._sums(white, self._e)[:, :, 0])

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -44,6 +45,10 @@ class Effect:
 
     psi: Sequence[Array]
     direct: Sequence[Array]
+
+    def of(self, number: int) -> tuple[Array, Array]:
+        """In the tracking of that number."""
+        return self.psi[number], self.direct[number]
 
     def __getitem__(self, own: slice) -> Effect:
         """Some of the columns."""
@@ -80,11 +85,22 @@ class Evidence:
         self._parts: dict[int, tuple[Array, Array]] = {}
         self.parameters = [name for name in tolerances if any(self._has(t, name) for t in self.trackings)]
         self.base = self._of_parameters()
-        self._base = _Columns(self, self.base)
         self._prior = np.array([1 / self.tolerances[name][1] ** 2 for name in self.parameters])
         self._centre = np.array([self.tolerances[name][0] for name in self.parameters])
-        self._held = np.linalg.inv(self._base.gram + np.diag(self._prior))
-        self._moved = self._held @ (self._base.gradient + self._prior * self._centre)
+
+    @cached_property
+    def _base(self) -> _Columns:
+        return _Columns(self, self.base)
+
+    @cached_property
+    def _held(self) -> Array:
+        """Covariance of the base parameters."""
+        return np.asarray(np.linalg.inv(self._base.gram + np.diag(self._prior)))
+
+    @cached_property
+    def _moved(self) -> Array:
+        """Where they are most likely."""
+        return np.asarray(self._held @ (self._base.gradient + self._prior * self._centre))
 
     def score(self, terms: Sequence[TermCandidate], refined: int = 0) -> list[TermScore]:
         """Best first. refined: how many get their evidence, with the latent forces' sizes estimated again."""
@@ -208,7 +224,8 @@ class Evidence:
         t = self.trackings[n]
         angles = _angles(t, amplitude)
         fastest = float(np.abs(np.diff(t.tracked.x[:, angles], axis=0)).max(initial=0.0))
-        quick = np.array(orders) * fastest > TURN
+        anywhere = t.estimator.lineariser.gives_derivatives(amplitude.split(".")[0])
+        quick = (np.array(orders) * fastest > TURN) & anywhere
         parts = [np.flatnonzero(quick == inside).tolist() for inside in (False, True)]
         found = [self._answer(n, [amplitude], [values[j] for j in part], inside)
                  for part, inside in zip(parts, (False, True), strict=True) if len(part)]  # fmt: skip

@@ -123,7 +123,7 @@ class Lineariser:
         n_x, n_q = len(self.followed), len(self.followed) + len(self.ports) + len(self.parameters)
         self._sizes = n_x, n_q, len(sampled.wires), len(self._outs), len(sampled.taps), self._known.count
         self._systems: dict[frozenset[str], linear.System] = {}  # by the values that are on
-        self._of_part: dict[str, Known] = {}
+        self._of_part: dict[str, tuple[Piece, Array]] = {}  # where its known were last
 
     def __call__(self, piece: Piece, rows: slice = slice(None)) -> Jacobians:
         """At the piece's samples, or at some of them. SimulationError: a unit refuses.
@@ -193,14 +193,19 @@ class Lineariser:
         """
         name = parameters[0].split(".", 1)[0]
         part = next(p for p in self._parts if p.component.name == name)
-        if name not in self._of_part:
-            self._of_part[name] = Known(self.sampled, [(name, v) for v in part.known])
+        if name not in self._of_part or self._of_part[name][0] is not piece:  # every term of a component asks for it
+            self._of_part[name] = piece, Known(self.sampled, [(name, v) for v in part.known])(piece)
         function = self._function(part, self.sampled.values_of(name, float(piece.time[0])))
         varied = [v.split(".", 1)[1] for v in values[0]]
         columns = np.array([[float(v) for v in column.values()] for column in values])
         own = [parameter.split(".", 1)[1] for parameter in parameters]
-        points = effect.Part(function, own, part.inner, part.outer, piece.time, self._of_part[name](piece))
+        points = effect.Part(function, own, part.inner, part.outer, piece.time, self._of_part[name][1])
         return effect.along(points, varied, columns, answer)
+
+    def gives_derivatives(self, component: str) -> bool:
+        """Whether the unit itself gives directional derivatives; else differences are taken, at the samples."""
+        part = next(p for p in self._parts if p.component.name == component)
+        return self._function(part, {}).gives_derivatives
 
     def _part(self, component: Component) -> _Part:
         sampled, name = self.sampled, component.name

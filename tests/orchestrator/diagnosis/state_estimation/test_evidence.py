@@ -8,11 +8,13 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 
+from cobot_joint.cosim.points import UnitFunction
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.state_estimation.discrepancy import PortDiscrepancy, discrepancies
 from cobot_joint.diagnosis.state_estimation.estimator import StateEstimator
-from cobot_joint.diagnosis.state_estimation.evidence import Evidence, Tracking
+from cobot_joint.diagnosis.state_estimation.evidence import POINTS, Evidence, Tracking
 from cobot_joint.diagnosis.state_estimation.latents import structure, with_sizes
+from cobot_joint.diagnosis.state_estimation.linearisation import Known
 from cobot_joint.diagnosis.state_estimation.pictures import picture
 from cobot_joint.diagnosis.state_estimation.sampled import SampledSystem
 from cobot_joint.system.read import load_system
@@ -109,3 +111,60 @@ def test_friction_that_is_off_is_a_curve_over_speed_and_its_size_is_stated(stack
     entry = torque.to_json()
     assert (entry["port"], entry["unit"], entry["variable"]) == ("motor_bldc.tau_add", "N.m", "w")
     assert len(picture(found).data) > 3 * len(found)
+
+
+def one_by_one(t: Tracking, amplitude: str, values: Mapping[str, float], points: int) -> tuple[np.ndarray, np.ndarray]:
+    """What a unit of an amplitude adds to states and channels, by the unit's own Jacobians and numpy."""
+    name, variable = amplitude.split(".", 1)
+    lineariser, piece, tangent = t.estimator.lineariser, t.tracked.piece, t.tracked.tangent
+    part = next(p for p in lineariser._parts if p.component.name == name)
+    known = Known(lineariser.sampled, [(name, v) for v in part.known])(piece)
+    own = {n.split(".", 1)[1]: v for n, v in values.items()}
+    unit = UnitFunction(lineariser.sampled.simulation.instances[name], own, part.known, part.unknown)
+
+    def added(time: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        J = unit.jacobian(time, known, [variable])[:, :, 0]
+        inner, outer = np.zeros((len(J), len(lineariser.followed))), np.zeros((len(J), tangent.S.shape[2]))
+        inner[:, part.inner], outer[:, part.outer] = J[:, : len(part.inner)], J[:, len(part.inner) :]
+        return inner, outer
+
+    inner, outer = added(piece.time, known)
+    direct = (tangent.S @ outer[:, :, None])[:, :, 0]
+    if not points:
+        inner, outer = ((M[1:] + M[:-1]) / 2 for M in (inner, outer))
+        return (tangent.Hold @ (inner[:, :, None] + tangent.T @ outer[:, :, None]))[:, :, 0], direct
+    Phi, Hold = lineariser.step(tangent.A, t.tracked.recording.step / points)
+    psi = np.zeros((*Phi.shape[:2], 1))
+    for share in (np.arange(points) + 0.5) / points:
+        inner, outer = added(piece.time[:-1] + share * np.diff(piece.time), known[:-1] + share * np.diff(known, axis=0))
+        psi = Phi @ psi + Hold @ (inner[:, :, None] + tangent.T @ outer[:, :, None])
+    return psi[:, :, 0], direct
+
+
+@pytest.mark.parametrize("gives_derivatives", [True, False])
+def test_shapes_looked_at_together_are_those_looked_at_one_by_one(
+    stack: ExitStack, monkeypatch: pytest.MonkeyPatch, gives_derivatives: bool
+) -> None:
+    """Of a slow and of a quick period, of a term that a channel reads at once, and of base parameters; a unit that
+    gives no directional derivatives is looked at by differences, at the samples alone."""
+    found, _ = tracking(stack, {})
+    evidence = Evidence([found], TOLERANCES)
+    if not gives_derivatives:
+        monkeypatch.setattr(UnitFunction, "gives_derivatives", False)
+    terms = {term.name: term for term in PLANT.terms}
+    cogging, gain = terms["motor_bldc.cogging"], terms["torque_sensor.gain"]
+    orders = [{"motor_bldc.cogging.n": n} for n in (24.0, 2.0, 6.0)]
+    together = evidence.of_term(cogging, orders)
+    for k, order in enumerate(orders):
+        points = POINTS if gives_derivatives and order["motor_bldc.cogging.n"] > 2 else 0
+        for j, phase in enumerate((0.0, np.pi / 2)):
+            values = {**order, "motor_bldc.cogging.phi_0": phase}
+            for one, each in zip(together.of(0), one_by_one(found, cogging.amplitude, values, points), strict=True):
+                size = np.abs(each).max() + 1e-300
+                np.testing.assert_allclose(one[:, :, 2 * k + j] / size, each / size, atol=1e-6)
+    pairs = [(evidence.of_term(gain, [{}]), 0, gain.amplitude)]
+    pairs += [(evidence.base, k, name) for k, name in enumerate(evidence.parameters)]
+    for effect, k, name in pairs:
+        for one, each in zip(effect.of(0), one_by_one(found, name, {}, 0), strict=True):
+            size = np.abs(each).max() + 1e-300
+            np.testing.assert_allclose(one[:, :, k] / size, each / size, atol=1e-4)

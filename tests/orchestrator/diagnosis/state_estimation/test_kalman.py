@@ -73,6 +73,10 @@ def test_a_known_signal_adds_to_the_innovations_what_the_filter_answers(drawn: t
         x[:2] += psi[k - 1, :, 0]
         shift[k] += steps.H[k] @ x
     moved = forward(Steps(steps.F, steps.fade, steps.jump, steps.H, steps.r + shift), Q, R, z0, P0)
+    beside = np.zeros((n, m, 3))
+    respond(steps, filtered, psi, direct, beside[:, :, 1:2])  # among other columns
+    np.testing.assert_array_equal(beside[:, :, 1:2], respond(steps, filtered, psi, direct))
+    assert not beside[:, :, ::2].any()
     np.testing.assert_allclose(
         respond(steps, filtered, psi, direct)[:, :, 0], moved.white - filtered.white, rtol=1e-9, atol=1e-9
     )

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from cobot_joint.cosim.points import UnitFunction
 from cobot_joint.diagnosis.state_estimation.linearisation import Lineariser, Tangent
 from cobot_joint.diagnosis.state_estimation.native.linear import exponential
 from cobot_joint.diagnosis.state_estimation.sampled import SampledSystem
 from cobot_joint.diagnosis.state_estimation.states import states_of, why_none
 from cobot_joint.errors import UserError
 from cobot_joint.system.read import load_system
-from tests.orchestrator.diagnosis.state_estimation.rig import SIGMA, bench, clock, inputs, run
+from tests.orchestrator.diagnosis.state_estimation.rig import COGGING, SIGMA, bench, clock, inputs, run
 
 
 def propagate(tangent: Tangent, d: np.ndarray, theta: np.ndarray) -> np.ndarray:
@@ -101,3 +102,23 @@ def test_a_unit_that_lists_no_derivatives_allows_no_state_to_be_set(axis: Path) 
     assert why_none(system) == "axis (axis.fmu) does not list the derivatives of its states"
     with pytest.raises(UserError, match=r"axis\.fmu"):
         SampledSystem(system, [])
+
+
+def test_a_unit_without_directional_derivatives_is_linearised_by_differences(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With values that hold from within the run on."""
+    time, ports = clock(0.6), ["motor_bldc.tau_add", "mr_brake_belt.tau_add"]
+    onset = {"motor_bldc.cogging.A": 0.3}
+    with SampledSystem(bench()[0], list(SIGMA), COGGING, onset) as sampled:
+        piece = sampled.run(sampled.start({}), time, inputs(time))
+        expected = Lineariser(sampled, ports, None, ["motor_bldc.rotor.J"]).tangent(piece)
+        own = property(lambda self: self.instance.name != "planetary_gear")
+        monkeypatch.setattr(UnitFunction, "gives_derivatives", own)
+        found = Lineariser(sampled, ports, None, ["motor_bldc.rotor.J"]).tangent(piece)
+    with SampledSystem(bench()[0], list(SIGMA)) as sampled:
+        without = Lineariser(sampled, ports).tangent(piece)
+    for name in ("Phi", "Gamma", "Psi", "C", "D", "R"):
+        one, other = getattr(found, name), getattr(expected, name)
+        size = np.abs(other).max(axis=0) + 1e-12
+        assert np.quantile(np.abs(one - other) / size, 0.999) < 1e-3, name
+    apart = np.abs(expected.A - without.A).max(axis=(1, 2))
+    assert apart[:299].max() == 0 < apart[301:].max()

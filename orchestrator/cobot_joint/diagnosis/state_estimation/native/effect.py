@@ -70,12 +70,12 @@ def along(part: Part, varied: Sequence[str], values: Array, answer: Answer) -> t
         part.function.begin(f)
     refs = [variables[name].valueReference for name in varied]
     sizes = len(time), n_c, known.shape[1], len(part.inner), len(part.outer), T.shape[1], T.shape[2], S.shape[1]
-    points = 0 if given is not None else answer.points
+    assert given is None or not answer.points
     inner, outer = ((c_int32 * len(v))(*v) for v in (part.inner, part.outer))
     status = _typed_library().effect_along(ctypes.byref(_Effect(
         ctypes.pointer(f), None if given is None else given.ctypes.data,
-        Variables(len(refs), (ctypes.c_uint32 * len(refs))(*refs)), values.ctypes.data, *sizes, points, inner, outer,
-        *(M.ctypes.data for M in (time, known, Phi, Hold, T, S, psi, direct)),
+        Variables(len(refs), (ctypes.c_uint32 * len(refs))(*refs)), values.ctypes.data, *sizes, answer.points, inner,
+        outer, *(M.ctypes.data for M in (time, known, Phi, Hold, T, S, psi, direct)),
     )))  # fmt: skip
     if status == -2:
         raise MemoryError("a term's answer")

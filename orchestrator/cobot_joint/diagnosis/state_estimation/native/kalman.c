@@ -156,7 +156,7 @@ WIDE int kalman_backward(const KalmanSteps *steps, const KalmanFiltered *in, dou
 }
 
 WIDE int kalman_respond(const KalmanSteps *steps, const KalmanFiltered *in, size_t p, size_t n_psi, const double *psi,
-                        const double *direct, double *innovations) {
+                        const double *direct, size_t width, double *innovations) {
   const size_t n = steps->n, m = steps->m, N = steps->N, n_x = steps->n_x;
   double *x = calloc((N + n_x) * p + 1, sizeof *x);
   if (!x) return -1;
@@ -171,7 +171,7 @@ WIDE int kalman_respond(const KalmanSteps *steps, const KalmanFiltered *in, size
     }
     for (size_t j = 0; j < m; j++) {
       const size_t at = k * m + j;
-      double *e = innovations + at * p;
+      double *e = innovations + at * width;
       if (!(in->precision[at] > 0)) {
         memset(e, 0, p * sizeof *e);
         continue;

@@ -29,8 +29,8 @@ KALMAN_API int kalman_forward(const KalmanSteps *steps, const double *Q, const d
 KALMAN_API int kalman_backward(const KalmanSteps *steps, const KalmanFiltered *in, double *a, double *M,
                                double *smoothed, double *variance);
 /* psi: [n - 1][n_psi][p], added to the first n_psi deviations from sample to sample; direct: [n][m][p];
- * innovations: [n][m][p] */
+ * innovations: [n][m] rows of p, each `width` behind the one before */
 KALMAN_API int kalman_respond(const KalmanSteps *steps, const KalmanFiltered *in, size_t p, size_t n_psi,
-                              const double *psi, const double *direct, double *innovations);
+                              const double *psi, const double *direct, size_t width, double *innovations);
 
 #endif

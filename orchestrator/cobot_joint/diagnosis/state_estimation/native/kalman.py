@@ -135,18 +135,22 @@ def backward(steps: Steps, found: Filtered, states: bool = True) -> Adjoint:
     return out
 
 
-def respond(steps: Steps, found: Filtered, psi: Array, direct: Array) -> Array:
+def respond(steps: Steps, found: Filtered, psi: Array, direct: Array, out: Array | None = None) -> Array:
     """White innovations that known signals would add, had the filter not known of them: (n, m, p).
 
     psi: (n - 1, n_x, p), what each adds to the first n_x deviations from sample to sample; direct: to the channels,
-    (n, m, p).
+    (n, m, p). out: is filled, columns of an array in C order; None: a new one.
     """
     n, m, _ = steps.H.shape
     p, arrays = direct.shape[2], _contiguous(steps)
-    psi, direct, out = np.ascontiguousarray(psi), np.ascontiguousarray(direct), np.empty((n, m, p))
+    out = np.empty((n, m, p)) if out is None else out
+    width = out.strides[1] // out.itemsize
+    assert out.shape == (n, m, p)
+    assert p == 0 or out.strides == (m * width * out.itemsize, width * out.itemsize, out.itemsize)
+    psi, direct = np.ascontiguousarray(psi), np.ascontiguousarray(direct)
     _check(_typed_library().kalman_respond(
         ctypes.byref(_steps(arrays)), ctypes.byref(_filtered(found)), p, psi.shape[1], psi.ctypes.data,
-        direct.ctypes.data, out.ctypes.data,
+        direct.ctypes.data, width, out.ctypes.data,
     ))  # fmt: skip
     return out
 
@@ -179,5 +183,5 @@ def _typed_library() -> ctypes.CDLL:
     steps, filtered = POINTER(_Steps), POINTER(_Filtered)
     loaded.kalman_forward.argtypes = [steps, c_void_p, c_void_p, c_int, c_void_p, c_void_p, filtered]
     loaded.kalman_backward.argtypes = [steps, filtered, *[c_void_p] * 4]
-    loaded.kalman_respond.argtypes = [steps, filtered, c_size_t, c_size_t, *[c_void_p] * 3]
+    loaded.kalman_respond.argtypes = [steps, filtered, *[c_size_t] * 2, *[c_void_p] * 2, c_size_t, c_void_p]
     return loaded

@@ -355,7 +355,7 @@ def test_a_load_that_comes_and_goes_must_take_nearly_all_to_count_beside_a_backg
 
 @pytest.mark.parametrize(("left_along", "kept"), [(3.0, 2.0), (1.0, 5.0)])
 def test_calibrated_is_the_base_model_that_leaves_less_of_free_runs(left_along: float, kept: float) -> None:
-    """field/open case09: re-fitted along the recorded motion it left five times as much, and a false repair beat that"""
+    """field/open case09: re-fitted along the recorded motion it left much more, and a false repair beat that"""
     along, free = ({"a.b": Estimate(value, "1", (value, value))} for value in (5.0, 2.0))
     found = Diagnosis(verdict="explained", findings=[], calibrated=along, repaired={})
     recorded = np.array([left_along, 0.0])

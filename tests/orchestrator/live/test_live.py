@@ -156,7 +156,8 @@ def test_a_saved_system_runs_as_the_sliders_stood(results: WhatIf) -> None:
     recording = results.recording("train")
     with Simulator({"no_load": load_system(file)}) as saved:
         alone = saved(recording)["w_motor"]
-    assert alone == pytest.approx(results.simulate(moved, ["train"])["train"]["w_motor"], abs=1e-3)
+    moved_here = results.simulate(moved, ["train"])["train"]["w_motor"]  # rad/s; of another scheme, noise is 0.3
+    assert alone == pytest.approx(moved_here, abs=1e-2)
 
 
 def test_a_saved_campaign_starts_from_the_sliders_and_says_what_it_cannot_hold(results: WhatIf) -> None:

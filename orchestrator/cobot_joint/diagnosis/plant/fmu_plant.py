@@ -112,7 +112,7 @@ class FmuPlant:
                     record=[*recording.outputs, *signals],
                 )
                 if simulation.is_one_system:
-                    with suppress(UnfitError):  # ripple of a high order: units that step themselves are faster then
+                    with suppress(UnfitError):  # units step themselves then: faster, or the only way
                         return run(scheme=FASTEST)
                 return run()
             except SimulationError as error:

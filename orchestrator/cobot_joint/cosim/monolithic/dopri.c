@@ -23,8 +23,9 @@ static const double INSIDE[STAGES] = {-12715105075.0 / 11282082432.0,  0,
                                       701980252875.0 / 199316789632.0, -1453857185.0 / 822651844.0,
                                       69997945.0 / 29380423.0};
 
-static double sum(const Stepper *r, const double by[], int stages, size_t n) {
+static inline double sum(const Stepper *r, const double by[], int stages, size_t n) {
   double total = 0;
+#pragma GCC unroll 7
   for (int j = 0; j < stages; j++) total += by[j] * r->k[j][n];
   return total;
 }
@@ -34,6 +35,7 @@ double dopri_step(Stepper *r, double h, double tolerance) {
   double e[MOST_STATES];
   r->h = h;
   for (size_t n = 0; n < s->n; n++) r->k[0][n] = r->f[n];
+#pragma GCC unroll 7 /* known stages, so that states are summed side by side */
   for (int i = 1; i < STAGES; i++) {
     for (size_t n = 0; n < s->n; n++) r->y[n] = r->x[n] + h * sum(r, A[i], i, n);
     system_evaluate(s, r->t + AT[i] * h, r->y, r->k[i]);

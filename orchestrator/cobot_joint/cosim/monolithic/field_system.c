@@ -19,7 +19,9 @@ static bool add_unit(FieldSystem *s, const Unit *unit) {
     return false;
   for (size_t i = 0; i < u->n; i++) s->nominal[s->n + i] = u->field->nominal((int32_t)i);
   s->n += u->n;
-  return true;
+  u->feeds = calloc(unit->real_inputs.n + 1, sizeof *u->feeds);
+  u->given = calloc(unit->real_outputs.n + 1, sizeof *u->given);
+  return u->feeds && u->given;
 }
 
 /* the units in the plan's order; one that comes twice is visited twice */
@@ -43,21 +45,27 @@ FieldSystem *system_create(const Plan *plan) {
   if (!s) return NULL;
   s->plan = plan;
   if (!add_units(s)) {
-    free(s);
+    system_destroy(s);
     return NULL;
   }
   const size_t n = plan->n_outputs + plan->n_inputs + 1;
+  s->known = calloc(n, sizeof *s->known);
   s->signal = calloc(n, sizeof *s->signal);
   s->slope = calloc(n, sizeof *s->slope);
   s->gradient = calloc(n, sizeof *s->gradient);
   s->reaches = calloc(n, sizeof *s->reaches);
-  if (s->signal && s->slope && s->gradient && s->reaches) return s;
+  if (s->known && s->signal && s->slope && s->gradient && s->reaches) return s;
   system_destroy(s);
   return NULL;
 }
 
 void system_destroy(FieldSystem *s) {
   if (!s) return;
+  for (size_t k = 0; k < s->n_units; k++) {
+    free(s->units[k].feeds);
+    free(s->units[k].given);
+  }
+  free(s->known);
   free(s->signal);
   free(s->slope);
   free(s->gradient);
@@ -65,11 +73,37 @@ void system_destroy(FieldSystem *s) {
   free(s);
 }
 
+static inline bool is_state(const FieldUnit *u, fmi2ValueReference ref) { return ref < u->n; }
+
+/* where a unit has what goes to and fro with every evaluation */
+static void look_up(FieldSystem *s, FieldUnit *u) {
+  const Unit *unit = u->unit;
+  for (size_t i = 0; i < u->n; i++) {
+    s->state[u->first + i] = u->values + i;
+    s->derivative[u->first + i] = u->values + u->field->first_derivative + i;
+  }
+  for (size_t j = 0; j < unit->real_inputs.n; j++) {
+    const Wire *wire = &unit->wires[j];
+    u->feeds[j] = (Feed){u->values + unit->real_inputs.refs[j], s->signal + wire->signal, wire->factor, wire->offset};
+  }
+  u->n_given = 0;
+  for (size_t j = 0; j < unit->real_outputs.n; j++) {
+    const fmi2ValueReference ref = unit->real_outputs.refs[j];
+    const Copy copy = {s->signal + unit->first_signal + j, u->values + ref};
+    if (is_state(u, ref))
+      s->known[s->n_known++] = copy;
+    else
+      u->given[u->n_given++] = copy;
+  }
+}
+
 const Unit *system_begin(FieldSystem *s, double x[]) {
+  s->n_known = 0;
   for (size_t k = 0; k < s->n_units; k++) {
     FieldUnit *u = &s->units[k];
     u->values = u->field->values(u->instance);
     if (!u->values) return u->unit;
+    look_up(s, u);
     memcpy(x + u->first, u->values, u->n * sizeof *x);
     for (size_t c = 0; c <= MOST_COLUMNS; c++) u->depends[c] = true;
   }
@@ -80,8 +114,6 @@ const Unit *system_begin(FieldSystem *s, double x[]) {
   return NULL;
 }
 
-static inline bool is_state(const FieldUnit *u, fmi2ValueReference ref) { return ref < u->n; }
-
 static bool drives(const FieldSystem *s, size_t signal) {
   for (size_t k = 0; k < s->n_units; k++)
     for (size_t j = 0; j < s->units[k].unit->real_inputs.n; j++)
@@ -89,21 +121,22 @@ static bool drives(const FieldSystem *s, size_t signal) {
   return false;
 }
 
+bool system_gives(const FieldUnit *u, size_t j, double t) {
+  if (is_state(u, u->unit->real_outputs.refs[j])) return true;
+  double *y = u->values + u->unit->real_outputs.refs[j];
+  const double before = *y;
+  *y = NAN;
+  u->field->evaluate(u->instance, t);
+  const bool given = !isnan(*y);
+  if (!given) *y = before;
+  return given;
+}
+
 const Unit *system_unfit(FieldSystem *s, double t) {
-  for (size_t k = 0; k < s->n_units; k++) {
-    const FieldUnit *u = &s->units[k];
-    for (size_t j = 0; j < u->unit->real_outputs.n; j++) {
-      if (is_state(u, u->unit->real_outputs.refs[j]) || !drives(s, (size_t)u->unit->first_signal + j)) continue;
-      double *y = u->values + u->unit->real_outputs.refs[j];
-      const double before = *y;
-      *y = NAN;
-      u->field->evaluate(u->instance, t);
-      const bool given = !isnan(*y);
-      *y = before;
-      if (!given) return u->unit;
-    }
-    u->field->evaluate(u->instance, t);
-  }
+  for (size_t k = 0; k < s->n_units; k++)
+    for (size_t j = 0; j < s->units[k].unit->real_outputs.n; j++)
+      if (drives(s, (size_t)s->units[k].unit->first_signal + j) && !system_gives(&s->units[k], j, t))
+        return s->units[k].unit;
   return NULL;
 }
 
@@ -126,24 +159,16 @@ static void read_samples(FieldSystem *s, double t) {
 
 void system_evaluate(FieldSystem *s, double t, const double x[], double f[]) {
   read_samples(s, t);
-  for (size_t k = 0; k < s->n_units; k++) { /* outputs that are states: known before any unit is asked */
-    const FieldUnit *u = &s->units[k];
-    memcpy(u->values, x + u->first, u->n * sizeof *x);
-    double *y = s->signal + u->unit->first_signal;
-    for (size_t j = 0; j < u->unit->real_outputs.n; j++)
-      if (is_state(u, u->unit->real_outputs.refs[j])) y[j] = u->values[u->unit->real_outputs.refs[j]];
-  }
+  for (size_t i = 0; i < s->n; i++) *s->state[i] = x[i];
+  for (size_t k = 0; k < s->n_known; k++) *s->known[k].to = *s->known[k].from; /* before any unit is asked */
   for (size_t v = 0; v < s->n_visits; v++) {
     const FieldUnit *u = &s->units[s->visits[v].unit];
-    const Unit *unit = u->unit;
-    for (size_t j = 0; j < unit->real_inputs.n; j++)
-      u->values[unit->real_inputs.refs[j]] =
-          unit->wires[j].factor * s->signal[unit->wires[j].signal] + unit->wires[j].offset;
+    for (size_t j = 0; j < u->unit->real_inputs.n; j++)
+      *u->feeds[j].to = u->feeds[j].factor * *u->feeds[j].from + u->feeds[j].offset;
     u->field->evaluate(u->instance, t);
-    double *y = s->signal + unit->first_signal;
-    for (size_t j = 0; j < unit->real_outputs.n; j++) y[j] = u->values[unit->real_outputs.refs[j]];
-    memcpy(f + u->first, u->values + u->field->first_derivative, u->n * sizeof *f);
+    for (size_t j = 0; j < u->n_given; j++) *u->given[j].to = *u->given[j].from;
   }
+  for (size_t i = 0; i < s->n; i++) f[i] = *s->derivative[i];
 }
 
 /* One column of a unit: derivatives and outputs by a variable of its own, or the time. false: nothing depends on it. */

@@ -8,12 +8,26 @@
 
 enum { MOST_COLUMNS = 64, MOST_EVENTS = 32, MOST_UNITS = 64 };
 
+typedef struct { /* *to = factor*(*from) + offset */
+  double *to;
+  const double *from;
+  double factor, offset;
+} Feed;
+
+typedef struct { /* an output, and where its unit has it */
+  double *to;
+  const double *from;
+} Copy;
+
 typedef struct { /* a unit among them */
   const Unit *unit;
   const VectorField *field;
   void *instance;
-  double *values;                 /* its variables, by value reference */
-  size_t first, n;                /* its states in x */
+  double *values;  /* its variables, by value reference */
+  size_t first, n; /* its states in x */
+  Feed *feeds;     /* of its inputs */
+  size_t n_given;
+  Copy *given;                    /* of its outputs that are no states */
   bool depends[MOST_COLUMNS + 1]; /* by column: whether a state, an input, the time was seen to matter */
 } FieldUnit;
 
@@ -27,7 +41,11 @@ typedef struct {
   size_t n_units, n; /* without sinks; states in all */
   FieldUnit units[MOST_UNITS];
   size_t n_visits;
-  Visit visits[2 * MOST_UNITS];    /* in an order in which each unit finds its inputs known */
+  Visit visits[2 * MOST_UNITS]; /* in an order in which each unit finds its inputs known */
+  double *state[MOST_STATES];   /* where the units have them, and what these are by time */
+  const double *derivative[MOST_STATES];
+  size_t n_known;
+  Copy *known;                     /* [n_outputs]: of outputs that are states */
   double *signal;                  /* [n_outputs + n_inputs] */
   double *slope;                   /* [n_outputs + n_inputs]: by time alone, of inputs between their samples */
   double (*gradient)[MOST_STATES]; /* [n_outputs + n_inputs]: of signals, by state */
@@ -45,6 +63,8 @@ void system_destroy(FieldSystem *s);
 
 /* Takes the states from the units as they are now. Returns a unit that is not initialized, or NULL. */
 const Unit *system_begin(FieldSystem *s, double x[]);
+/* Whether a unit's equations give its output j, rather than a look at the end of a communication step. */
+bool system_gives(const FieldUnit *u, size_t j, double t);
 /* A unit of which another reads what its equations do not give, such as a reading once per communication step; or NULL. */
 const Unit *system_unfit(FieldSystem *s, double t);
 /* dx/dt; units keep the point, signals are those of it */

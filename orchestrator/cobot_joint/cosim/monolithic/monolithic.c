@@ -20,8 +20,9 @@ enum { MOST_TRIES = 100, MOST_EVENTS_AT_ONCE = 64 };
 struct Monolithic {
   FieldSystem *system;
   Stepper stepper;
-  bool asked[MOST_UNITS];       /* whether rows or sinks take outputs of a unit that are no states */
+  bool asked[MOST_UNITS];       /* whether rows or sinks take outputs of a unit that its equations do not give */
   double *before;               /* [n_outputs + n_inputs]: signals when the sinks were last stepped */
+  size_t n_sunk, *sunk;         /* signals that sinks take */
   int64_t sinks_at;             /* tick */
   double next_step, next_event; /* s */
   bool is_explicit;
@@ -40,12 +41,24 @@ static void refused(Master *m, const Unit *unit, const char *why) {
   snprintf(m->message, sizeof m->message, "the units as one system: %s %s", unit->name, why);
 }
 
+static bool sinks_take(const Plan *plan, size_t signal) {
+  for (size_t i = 0; i < plan->n_units; i++)
+    for (size_t k = 0; plan->units[i].is_sink && k < plan->units[i].real_inputs.n; k++)
+      if ((size_t)plan->units[i].wires[k].signal == signal) return true;
+  return false;
+}
+
 Monolithic *monolithic_create(const Plan *plan) {
   Monolithic *o = calloc(1, sizeof *o);
   if (!o) return NULL;
   o->system = o->stepper.system = system_create(plan);
   o->before = calloc(plan->n_outputs + plan->n_inputs + 1, sizeof *o->before);
-  if (o->system && o->before) return o;
+  o->sunk = calloc(plan->n_outputs + plan->n_inputs + 1, sizeof *o->sunk);
+  if (o->system && o->before && o->sunk) {
+    for (size_t s = 0; s < plan->n_outputs + plan->n_inputs; s++)
+      if (sinks_take(plan, s)) o->sunk[o->n_sunk++] = s;
+    return o;
+  }
   monolithic_destroy(o);
   return NULL;
 }
@@ -54,23 +67,22 @@ void monolithic_destroy(Monolithic *o) {
   if (!o) return;
   system_destroy(o->system);
   free(o->before);
+  free(o->sunk);
   free(o);
 }
 
-/* whether a row or a sink takes a signal */
-static bool is_taken(const Plan *plan, size_t signal) {
+static bool is_recorded(const Plan *plan, size_t signal) {
   for (size_t k = 0; k < plan->n_recorded; k++)
     if ((size_t)plan->recorded[k].signal == signal) return true;
-  for (size_t i = 0; i < plan->n_units; i++)
-    for (size_t k = 0; plan->units[i].is_sink && k < plan->units[i].real_inputs.n; k++)
-      if ((size_t)plan->units[i].wires[k].signal == signal) return true;
   return false;
 }
 
-static bool is_asked(const Plan *plan, const FieldUnit *u) {
+static bool is_asked(const Plan *plan, const FieldUnit *u, double t) {
   bool asked = n_watched(u->unit) > 0;
-  for (size_t j = 0; j < u->unit->real_outputs.n; j++)
-    asked |= u->unit->real_outputs.refs[j] >= u->n && is_taken(plan, (size_t)u->unit->first_signal + j);
+  for (size_t j = 0; j < u->unit->real_outputs.n; j++) {
+    const size_t s = (size_t)u->unit->first_signal + j;
+    asked |= (sinks_take(plan, s) || is_recorded(plan, s)) && !system_gives(u, j, t);
+  }
   return asked;
 }
 
@@ -87,7 +99,7 @@ int monolithic_begin(Monolithic *o, Master *m) {
   if (unit) return refused(m, unit, "is not initialized"), -1;
   if ((unit = system_unfit(o->system, time_of(m, 0))))
     return refused(m, unit, "gives another what does not follow from its states and inputs"), COSIM_UNFIT;
-  for (size_t k = 0; k < o->system->n_units; k++) o->asked[k] = is_asked(&m->plan, &o->system->units[k]);
+  for (size_t k = 0; k < o->system->n_units; k++) o->asked[k] = is_asked(&m->plan, &o->system->units[k], time_of(m, 0));
   if (monolithic_resume(o, m)) return -1;
   memcpy(o->before, o->system->signal, (m->plan.n_outputs + m->plan.n_inputs) * sizeof *o->before);
   return 0;
@@ -138,14 +150,17 @@ static int arrive(Monolithic *o, Master *m, int64_t tick, double **row) {
   system_evaluate(o->system, t, x, f);
   for (size_t k = 0; k < o->system->n_units; k++) {
     const FieldUnit *u = &o->system->units[k];
-    if (o->asked[k]) u->field->observe(u->instance, t);
+    if (!o->asked[k]) continue;
+    u->field->observe(u->instance, t);
+    for (size_t j = 0; j < u->n_given; j++) *u->given[j].to = *u->given[j].from;
   }
-  for (size_t s = 0; s < plan->n_outputs + plan->n_inputs; s++) {
+  for (size_t k = 0; k < o->n_sunk; k++) {
+    const size_t s = o->sunk[k];
     const double y = o->system->signal[s];
     m->p[s] = line(o->before[s], y, h);
     o->before[s] = y;
-    if (s < plan->n_outputs) m->y[s] = y;
   }
+  memcpy(m->y, o->system->signal, plan->n_outputs * sizeof *m->y);
   for (size_t i = 0; i < plan->n_units; i++)
     if (plan->units[i].is_sink && step_unit(m, i, time_of(m, o->sinks_at), 0, h)) return -1;
   o->sinks_at = m->tick = tick;

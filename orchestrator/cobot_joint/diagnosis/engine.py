@@ -10,6 +10,7 @@ from functools import partial
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.answer import diagnosis as anchored_diagnosis
 from cobot_joint.diagnosis.anchored.follow import can_follow, follow, motion_is_given, where_it_lies
+from cobot_joint.diagnosis.anchored.free_runs import in_free_runs
 from cobot_joint.diagnosis.anchored.search import Search
 from cobot_joint.diagnosis.budget import Budget
 from cobot_joint.diagnosis.candidates.scan_ranges import driven
@@ -17,7 +18,7 @@ from cobot_joint.diagnosis.candidates.score_test import Scan
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.estimation.calibrate import calibrate, told, watched
 from cobot_joint.diagnosis.estimation.fit import Fit
-from cobot_joint.diagnosis.estimation.problem import Problem, Run, one_blas_thread
+from cobot_joint.diagnosis.estimation.problem import Problem, one_blas_thread
 from cobot_joint.diagnosis.experiments.discriminate import advise
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding, Ground, Verdict
 from cobot_joint.diagnosis.localization.evidence import where_it_shows
@@ -120,20 +121,10 @@ def explain(
     say("writing down what was found")
     if explanation.anchored is not None and not explanation.selected:
         found = anchored_diagnosis(explanation.anchored, units_of(problem))
-        return _fairly_before(problem, found, explanation.calibrated), explanation
+        return in_free_runs(
+            problem, found, explanation.anchored, explanation.calibrated, units_of(problem)
+        ), explanation
     return _answer(problem, explanation), explanation
-
-
-def _fairly_before(problem: Problem, found: Diagnosis, refit: Fit) -> Diagnosis:
-    """With the re-fitted base model that leaves less of free runs: a repair that beats a worse one has shown nothing.
-
-    One that was fitted along the recorded motion may lose them.
-    """
-    along = problem.simulate([Run(found.parameters("calibrated"))])[0] if found.calibrated else None
-    left = None if along is None else problem.recorded - along.white
-    if left is None or left @ left >= refit.chi2:
-        found.calibrated = refit.estimates(units_of(problem), problem.stretches(refit.residual))
-    return found
 
 
 def identify(campaign: Campaign, plant: Plant) -> Diagnosis:

@@ -22,7 +22,7 @@ from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, bounded_step, fit
 from cobot_joint.diagnosis.estimation.problem import Noise, Problem
-from cobot_joint.diagnosis.findings import Diagnosis, Estimate
+from cobot_joint.diagnosis.findings import Diagnosis
 from cobot_joint.diagnosis.plant.plant import Plant, Signals
 from cobot_joint.diagnosis.repair.repair import onsets
 from cobot_joint.diagnosis.selection.stepwise import Selected, Selection, Selector
@@ -351,20 +351,3 @@ def test_a_load_that_comes_and_goes_must_take_nearly_all_to_count_beside_a_backg
         selection = Selection(fits, [Selected(name, share * above)])  # type: ignore[arg-type]
         believed = engine.sure_beside_background(p, selection).get(name, 0.0) >= EVEN
         assert believed == (counts or name == "axis.windage")
-
-
-@pytest.mark.parametrize(("left_along", "kept"), [(3.0, 2.0), (1.0, 5.0)])
-def test_calibrated_is_the_base_model_that_leaves_less_of_free_runs(left_along: float, kept: float) -> None:
-    """field/open case09: re-fitted along the recorded motion it left much more, and a false repair beat that"""
-    along, free = ({"a.b": Estimate(value, "1", (value, value))} for value in (5.0, 2.0))
-    found = Diagnosis(verdict="explained", findings=[], calibrated=along, repaired={})
-    recorded = np.array([left_along, 0.0])
-    simulated = SimpleNamespace(white=np.zeros(2))
-    problem = SimpleNamespace(
-        recorded=recorded,
-        simulate=lambda runs: [simulated],
-        stretches=lambda residual: None,
-        plant=SimpleNamespace(parameters={}, terms=()),
-    )
-    refit = SimpleNamespace(chi2=4.0, residual=np.zeros(2), estimates=lambda units, stretches: free)
-    assert engine._fairly_before(problem, found, refit).calibrated["a.b"].value == kept

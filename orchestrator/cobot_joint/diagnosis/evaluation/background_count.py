@@ -24,9 +24,9 @@ from joblib import Parallel, delayed
 
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.engine import identify
-from cobot_joint.diagnosis.evaluation.backgrounds import FieldConcealer
+from cobot_joint.diagnosis.evaluation.backgrounds import FieldConcealer, FieldDrawn
 from cobot_joint.diagnosis.evaluation.score import rate
-from cobot_joint.diagnosis.evaluation.synthetic import Concealer, Drawn
+from cobot_joint.diagnosis.evaluation.synthetic import Concealer
 from cobot_joint.diagnosis.findings import Diagnosis
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 
@@ -65,34 +65,54 @@ def counted(draws: Draws, k: int) -> Row:
     rng = np.random.default_rng((draws.seed, k))
     with FmuPlant(campaign.systems()) as plant:
         concealer = FieldConcealer(Concealer(campaign, plant, draws.seconds))
-        drawn, background = concealer.draw(rng, int(rng.choice(len(EFFECTS), p=EFFECTS)))
-        begun = time.process_time()
-        found = identify(drawn.campaign, plant)
-    samples = sum(int(np.isfinite(y).sum()) for r in drawn.campaign.recordings for y in r.outputs.values())
-    row = judge(drawn, found, background * float(np.sqrt(samples)))
-    return {"k": k, "background": background, **row, "seconds": round(time.process_time() - begun, 1)}
+        machine = concealer.draw(rng, int(rng.choice(len(EFFECTS), p=EFFECTS)))
+        begun, at = time.process_time(), time.monotonic()
+        found = identify(machine.drawn.campaign, plant)
+    row = judge(machine, found)
+    took = {"cpu": round(time.process_time() - begun, 1), "seconds": round(time.monotonic() - at, 1)}
+    return {"k": k, "background": machine.background, **row, **took}
 
 
-def judge(drawn: Drawn, found: Diagnosis, background: float) -> Row:
+def judge(machine: FieldDrawn, found: Diagnosis) -> Row:
     """What was concealed, what was said, and which of it is true, terms of one name being indistinguishable.
 
-    background: root of the chi-square that a re-fit leaves of it."""
-    names = [c.active.term.name.split(".")[1] for c in drawn.effects]
-    said = [{t.split(".")[1] for t in (f.term, *f.equivalent)} for f in found.findings]
+    What is on no list is named by `component.unlisted`."""
+    concealed = _concealed(machine)
+    said = [{_name(t) for t in (f.term, *f.equivalent)} for f in found.findings]
+    accepted = {name for names, _ in concealed for name in names}
     return {
-        "effects": [
-            {"term": c.active.term.name, "onset": c.active.onset, "over": c.size / background,
-             "named": any(name in s for s in said)}
-            for c, name in zip(drawn.effects, names, strict=True)
-        ],
+        "effects": [{**told, "named": any(names & s for s in said)} for names, told in concealed],
         "findings": [
             {"term": f.term, "equivalent": f.equivalent, "evidence": f.gain, "confidence": f.confidence,
-             "true": bool(s & set(names)), "confidence_from": f.ground}
+             "true": bool(s & accepted), "confidence_from": f.ground}
             for f, s in zip(found.findings, said, strict=True)
         ],
         "verdict": found.verdict,
         "left": found.structure,
     }  # fmt: skip
+
+
+def _concealed(machine: FieldDrawn) -> list[tuple[set[str], Row]]:
+    """Per effect, names that are accepted for it, and what it is. over: its size over the background's."""
+    samples = sum(int(np.isfinite(y).sum()) for r in machine.drawn.campaign.recordings for y in r.outputs.values())
+    background = machine.background * float(np.sqrt(samples))
+    listed = [
+        (
+            {_name(c.active.term.name)},
+            {"term": c.active.term.name, "onset": c.active.onset, "over": c.size / background},
+        )
+        for c in machine.drawn.effects
+    ]
+    names = [[f"{component}.unlisted" for component in u.components] for u in machine.unlisted]
+    return listed + [
+        (set(own), {"term": own[0], "onset": None, "over": u.size / background})
+        for own, u in zip(names, machine.unlisted, strict=True)
+    ]
+
+
+def _name(term: str) -> str:
+    """Without its unit, but for what is on no list."""
+    return term if term.endswith(".unlisted") else term.split(".", 1)[1]
 
 
 def tables(rows: Sequence[Row]) -> str:

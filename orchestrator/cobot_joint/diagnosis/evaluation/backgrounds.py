@@ -1,7 +1,8 @@
 """Machines that no model fits to the noise, with known answers: drawn campaigns with a background of their own.
 
 Of every machine: friction that waves over speed and torques over an angle at the motor and at the brake, drifts of
-friction, supply and torque reading. Kernels, orders and sizes are drawn; none of it is a listed term.
+friction, supply and torque reading. Kernels, orders and sizes are drawn; none of it is a listed term. What is concealed
+in them is a listed term, or a torque that is on no list.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ LEVELS = (0.4, 1.7)  # sigma over all samples that a background leaves after a r
 OVER = (1.6, 20.0)  # times the background that an effect is, the same
 ROUNDS = 4  # of simulating with what depends on the motion that it changes
 RISE = 0.05  # s in which it begins
-CLOSE = 0.2  # share to which a background has the size drawn
+CLOSE = 0.2  # share to which a background has the size drawn, and an effect that is on no list
+UNLISTED = 0.2  # of the effects are on no list
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,10 @@ class Part:
 
     port: str
     of: Callable[[Mapping[str, Array], Array], Array]
+
+    def times(self, gain: float) -> Part:
+        """The same, larger or smaller."""
+        return Part(self.port, lambda s, t: gain * self.of(s, t))
 
 
 def family(rng: Rng) -> tuple[Part, ...]:
@@ -49,6 +55,23 @@ def family(rng: Rng) -> tuple[Part, ...]:
         _drift(f"{BRAKE}.tau_add", f"{BRAKE}.w_b", 0.01, rng),
         _drift("torque_sensor.y_add", "", 0.004, rng),
     )
+
+
+@dataclass(frozen=True)
+class Unlisted:
+    """An effect that is on no list. components: where a force does the same. size: as that of Concealed."""
+
+    components: tuple[str, ...]
+    size: float
+
+
+@dataclass(frozen=True)
+class FieldDrawn:
+    """A machine. background: sigma over all samples that a re-fit leaves of it."""
+
+    drawn: Drawn
+    background: float
+    unlisted: tuple[Unlisted, ...]
 
 
 SIGNALS = (f"{MOTOR}.w", f"{MOTOR}.phi", f"{BRAKE}.w_b", f"{BRAKE}.phi_b")
@@ -79,46 +102,73 @@ def _drift(port: str, speed: str, size: float, rng: Rng) -> Part:
     return Part(port, of)
 
 
+def off_the_list(rng: Rng) -> tuple[tuple[str, ...], Part]:
+    """(components where a force does the same, a torque that is on no list): a drag over speed, or rough places."""
+    motor = rng.random() < 0.5
+    unit, speed, angle, span = (MOTOR, "w", "phi", 500.0) if motor else (BRAKE, "w_b", "phi_b", 15.0)
+    w_0, n, phase = span * rng.uniform(0.1, 0.5), rng.uniform(0.6, 4.0), rng.uniform(0, 2 * np.pi)
+    forms: tuple[Callable[[Array, Array], Array], ...] = (
+        lambda w, phi: (w / span) ** 3,  # cubic drag
+        lambda w, phi: (w / w_0) / (1 + (w / w_0) ** 2),  # eddy currents
+        lambda w, phi: np.tanh(w / w_0) * np.exp(-((np.abs(w) / w_0 - 1.5) ** 2)),  # a resonance that takes power
+        lambda w, phi: (w / span) * np.maximum(np.sin(n * phi + phase), 0),  # rough places, felt with speed
+    )
+    form = forms[int(rng.integers(len(forms)))]
+    components = (MOTOR, "planetary_gear") if motor else (BRAKE,)
+    return components, Part(f"{unit}.tau_add", lambda s, t: -1e-3 * form(s[f"{unit}.{speed}"], s[f"{unit}.{angle}"]))
+
+
 class FieldConcealer:
     """Draws machines with backgrounds after the pattern that a Concealer has."""
 
     def __init__(self, concealer: Concealer) -> None:
         self.concealer = concealer
 
-    def draw(self, rng: Rng, effects: int) -> tuple[Drawn, float]:
-        """A campaign with so many effects, and its background: sigma over all samples after a re-fit."""
+    def draw(self, rng: Rng, effects: int) -> FieldDrawn:
+        """A machine with so many effects."""
         bench = self.concealer.bench(rng)
-        parts = family(rng)
-        wanted = _between(LEVELS, rng) * float(np.sqrt(bench.problem.samples))
-        gain, size = 1.0, 0.0
+        samples = float(np.sqrt(bench.problem.samples))
+        background, size = self._sized(bench, family(rng), _between(LEVELS, rng) * samples)
+        over = _between(OVER, rng) * size
+        listed = effects - int(rng.binomial(effects, UNLISTED))
+        concealed = self.concealer.conceal(bench, listed, (over, 1.001 * over), rng)
+        parts, unlisted = list(background), []
+        for _ in range(effects - listed):
+            components, part = off_the_list(rng)
+            sized, reached = self._sized(bench, [part], over)
+            parts += sized
+            unlisted.append(Unlisted(components, reached))
+        run = with_effects(bench.healthy.run, [c.active for c in concealed])
+        drawn = bench.recorded(self._outputs(bench, parts, run, ROUNDS), concealed, rng)
+        return FieldDrawn(drawn, size / samples, tuple(unlisted))
+
+    def _sized(self, bench: Bench, parts: Sequence[Part], wanted: float) -> tuple[list[Part], float]:
+        """Parts so large that a re-fit leaves about the wanted root of chi-square, and what it leaves."""
+        size, sized = 0.0, list(parts)
         for _ in range(ROUNDS):
-            outputs = self._outputs(bench, parts, gain, bench.healthy.run, 2)
+            outputs = self._outputs(bench, sized, bench.healthy.run, 2)
             size = size_after_refit(bench.healthy, bench.problem.whiten(outputs) - bench.healthy.simulated.white)
             if abs(size / wanted - 1) < CLOSE:
                 break
-            gain *= float(np.clip(wanted / max(size, 1e-6), 0.05, 20))
-        over = _between(OVER, rng) * size
-        concealed = self.concealer.conceal(bench, effects, (over, 1.001 * over), rng)
-        run = with_effects(bench.healthy.run, [c.active for c in concealed])
-        drawn = bench.recorded(self._outputs(bench, parts, gain, run, ROUNDS), concealed, rng)
-        return drawn, size / float(np.sqrt(bench.problem.samples))
+            sized = [part.times(float(np.clip(wanted / max(size, 1e-6), 0.05, 20))) for part in sized]
+        return sized, size
 
-    def _outputs(self, bench: Bench, parts: Sequence[Part], gain: float, run: Run, rounds: int) -> list[Signals]:
+    def _outputs(self, bench: Bench, parts: Sequence[Part], run: Run, rounds: int) -> list[Signals]:
         """With the background along the motion that it leads to."""
         problem = bench.problem
         outputs = problem.outputs(run, SIGNALS)
         for _ in range(rounds):
-            added = {r.name: _added(parts, gain, o, r, problem.plant)
+            added = {r.name: _added(parts, o, r, problem.plant)
                      for r, o in zip(problem.recordings, outputs, strict=True)}  # fmt: skip
             outputs = problem.outputs(replace(run, added=added), SIGNALS)
         return outputs
 
 
-def _added(parts: Sequence[Part], gain: float, signals: Signals, recording: Recording, plant: Plant) -> Signals:
+def _added(parts: Sequence[Part], signals: Signals, recording: Recording, plant: Plant) -> Signals:
     time = recording.time - recording.time[0]
     found: Signals = {}
     for part in (p for p in parts if plant.has(p.port, recording)):
-        x = gain * part.of(signals, time) * np.minimum(time / RISE, 1.0)
+        x = part.of(signals, time) * np.minimum(time / RISE, 1.0)
         found[part.port] = found.get(part.port, np.zeros(len(time))) + x
     return found
 

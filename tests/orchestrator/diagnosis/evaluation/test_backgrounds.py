@@ -2,40 +2,49 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cobot_joint.diagnosis.data.campaign import load_campaign
+from cobot_joint.diagnosis.evaluation import backgrounds
 from cobot_joint.diagnosis.evaluation.background_count import judge, tables
-from cobot_joint.diagnosis.evaluation.backgrounds import CLOSE, LEVELS, OVER, FieldConcealer
-from cobot_joint.diagnosis.evaluation.synthetic import Concealer, Drawn
+from cobot_joint.diagnosis.evaluation.backgrounds import CLOSE, LEVELS, OVER, FieldConcealer, FieldDrawn
+from cobot_joint.diagnosis.evaluation.synthetic import Concealer
 from cobot_joint.diagnosis.findings import Diagnosis, Finding
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 
 PATTERN = Path(__file__).parents[4] / "proof" / "open" / "case14" / "campaign.toml"
 
 
-def drawn(seed: int, effects: int) -> tuple[Drawn, float]:
+def drawn(seed: int, effects: int) -> FieldDrawn:
     campaign = load_campaign(PATTERN, roles=("train",))
     with FmuPlant(campaign.systems()) as plant:
         return FieldConcealer(Concealer(campaign, plant, 2.0)).draw(np.random.default_rng(seed), effects)
 
 
-def test_a_background_has_the_size_that_was_drawn_and_is_drawn_again_alike() -> None:
-    (one, size), (other, _) = drawn(3, 1), drawn(3, 1)
-    assert LEVELS[0] * (1 - CLOSE) < size < LEVELS[1] * (1 + CLOSE)
-    samples = sum(y.size for r in one.campaign.recordings for y in r.outputs.values())
-    assert OVER[0] * 0.5 < one.effects[0].size / (size * np.sqrt(samples)) < OVER[1] * 2
-    for a, b in zip(one.campaign.recordings, other.campaign.recordings, strict=True):
+@pytest.mark.parametrize("on_no_list", [0.0, 1.0])
+def test_backgrounds_and_effects_have_the_sizes_drawn_and_are_drawn_again_alike(
+    on_no_list: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(backgrounds, "UNLISTED", on_no_list)
+    one, other = drawn(3, 1), drawn(3, 1)
+    assert LEVELS[0] * (1 - CLOSE) < one.background < LEVELS[1] * (1 + CLOSE)
+    recordings = one.drawn.campaign.recordings
+    samples = sum(y.size for r in recordings for y in r.outputs.values())
+    (effect,) = one.unlisted if on_no_list else one.drawn.effects
+    assert OVER[0] * 0.5 < effect.size / (one.background * np.sqrt(samples)) < OVER[1] * 2
+    for a, b in zip(recordings, other.drawn.campaign.recordings, strict=True):
         for channel, y in a.outputs.items():
             np.testing.assert_array_equal(y, b.outputs[channel])
 
 
 @pytest.fixture
-def machine() -> Drawn:
-    return drawn(5, 1)[0]
+def machine(monkeypatch: pytest.MonkeyPatch) -> FieldDrawn:
+    monkeypatch.setattr(backgrounds, "UNLISTED", 0.0)
+    return drawn(5, 1)
 
 
 def said(*names: str) -> Diagnosis:
@@ -43,22 +52,32 @@ def said(*names: str) -> Diagnosis:
     return Diagnosis("explained" if names else "nothing_missing", findings, {}, {})
 
 
-def test_a_finding_is_true_by_its_own_name_or_an_alike_one_in_any_unit(machine: Drawn) -> None:
-    concealed = machine.effects[0].active.term.name.split(".")[1]
+def test_a_finding_is_true_by_its_own_name_or_an_alike_one_in_any_unit(machine: FieldDrawn) -> None:
+    (effect,) = machine.drawn.effects
+    concealed = effect.active.term.name.split(".")[1]
     for found, true in (
         (said(f"other_unit.{concealed}"), True),
         (said("motor_bldc.nothing_of_the_sort", f"planetary_gear.{concealed}"), True),
         (said("motor_bldc.nothing_of_the_sort"), False),
         (said(), None),
     ):
-        row = judge(machine, found, 100.0)
+        row = judge(machine, found)
         assert [f["true"] for f in row["findings"]] == ([] if true is None else [true])
         assert row["effects"][0]["named"] is bool(true)
-        assert row["effects"][0]["over"] == pytest.approx(machine.effects[0].size / 100)
+        samples = sum(y.size for r in machine.drawn.campaign.recordings for y in r.outputs.values())
+        background = machine.background * np.sqrt(samples)
+        assert row["effects"][0]["over"] == pytest.approx(effect.size / background)
 
 
-def test_the_tables_count_what_was_missed_and_what_was_false(machine: Drawn) -> None:
-    hit = judge(machine, said(machine.effects[0].active.term.name), 100.0)
+def test_what_is_on_no_list_is_named_where_it_acts(machine: FieldDrawn) -> None:
+    at_the_shaft = backgrounds.Unlisted(("motor_bldc", "planetary_gear"), 100.0)
+    concealing = replace(machine, drawn=replace(machine.drawn, effects=()), unlisted=(at_the_shaft,))
+    for name, true in (("planetary_gear.unlisted", True), ("mr_brake_belt.unlisted", False)):
+        assert [f["true"] for f in judge(concealing, said(name))["findings"]] == [true]
+
+
+def test_the_tables_count_what_was_missed_and_what_was_false(machine: FieldDrawn) -> None:
+    hit = judge(machine, said(machine.drawn.effects[0].active.term.name))
     healthy = {"effects": [], "findings": [{**hit["findings"][0], "true": False, "confidence": 0.85}]}
     text = tables(
         [

@@ -1,0 +1,63 @@
+"""What the search along the recorded motion found, held against free runs: the better of both stands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from cobot_joint.diagnosis.anchored.beside import Candidate
+from cobot_joint.diagnosis.anchored.search import Search
+from cobot_joint.diagnosis.estimation.effects import ActiveTerm
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.least_squares import fit_added
+from cobot_joint.diagnosis.estimation.problem import Problem, Run
+from cobot_joint.diagnosis.findings import Diagnosis
+from cobot_joint.diagnosis.selection.competition import finished
+
+
+def in_free_runs(problem: Problem, found: Diagnosis, search: Search, refit: Fit, units: Mapping[str, str]) -> Diagnosis:
+    """Before and after as the fit that leaves less of free runs has them: along the recorded motion, or free.
+
+    One that was fitted along the recorded motion may lose free runs: a repair that beats a worse re-fit has shown
+    nothing, and where nothing has a name, nothing is repaired. units: parameter -> unit of measure.
+    """
+    if _left(problem, found.parameters("calibrated"), {}) >= refit.chi2:
+        found.calibrated = refit.estimates(units, problem.stretches(refit.residual))
+    if not found.findings:
+        found.repaired = dict(found.calibrated)
+        return found
+    onsets = {n.candidate.term.amplitude: n.candidate.onset for n in search.named if n.candidate.onset is not None}
+    free = _freely(problem, search, refit)
+    if free is not None and free.chi2 < _left(problem, found.parameters("repaired"), onsets):
+        found.repaired = free.estimates(units, problem.stretches(free.residual))
+        found.findings = [
+            replace(f, parameters={n: found.repaired.get(n, e) for n, e in f.parameters.items()})
+            for f in found.findings
+        ]
+    return found
+
+
+def _left(problem: Problem, values: Mapping[str, float], onsets: Mapping[str, float]) -> float:
+    """Chi-square of free runs with these values; infinite where there are none, or no such runs."""
+    runs = problem.simulate([Run(values, onsets)])[0] if values else None
+    return np.inf if runs is None else float(np.sum((problem.recorded - runs.white) ** 2))
+
+
+def _freely(problem: Problem, search: Search, refit: Fit) -> Fit | None:
+    """The re-fitted base model with the terms that the recorded motion named, from where it has them, all free.
+
+    None: one of them is a base parameter, or they cannot be simulated.
+    """
+    terms = {term.name for term in problem.plant.terms}
+    if any(n.name not in terms for n in search.named):
+        return None
+    values = {name: estimate.value for name, estimate in search.repaired.items()}
+    active = [_as_repaired(n.candidate, values) for n in search.named]
+    return fit_added(problem, refit, active, finished(jacobians=1))
+
+
+def _as_repaired(candidate: Candidate, values: Mapping[str, float]) -> ActiveTerm:
+    """A term of the search, its values as they were found in the end."""
+    return ActiveTerm(candidate.term, {n: values.get(n, x) for n, x in candidate.values.items()}, candidate.onset)

@@ -3,7 +3,7 @@
 #include "core/unit.h"
 
 enum { FEATURES = 8, SIGNALS = 4 };
-typedef enum { ONE = 1, U, U2, U3, ABS, TANH, SIN, COS, EXP, GAUSS } Function;
+typedef enum { ONE = 1, U, U2, U3, ABS, TANH, SIN, COS, EXP, GAUSS, EDDY } Function;
 
 static void unit_start(Unit *m) { (void)m; }
 
@@ -19,6 +19,7 @@ static double function(int f, double u, double p) {
     case COS: return cos(p * u);
     case EXP: return exp(-fabs(u) / p);
     case GAUSS: return exp(-square(u / p));
+    case EDDY: return u / p / (1 + square(u / p));
   }
   return 1;
 }

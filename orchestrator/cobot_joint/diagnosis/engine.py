@@ -154,14 +154,16 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     found = _selected(campaign, problem, calibrated, scan, say, store)
     if misread and misread.beats(problem, found.fit):
         return Explanation(found.calibrated, found.calibrated, found.selection.up_to(0), [], misread=misread)
-    if found.unmodelled or found.anchored or (found.background and not found.selected):
+    is_formula = found.unmodelled is not None and found.unmodelled.is_formula
+    if (found.unmodelled and not is_formula) or found.anchored or (found.background and not found.selected):
         return found
     select = Selector(problem, scan, say).select
+    listed = (found.selection.fit, found.selection.selected) if is_formula else (found.fit, found.selected)
     outside = problem.budget.spend(
         "parameters outside their tolerances",
-        lambda: look_outside(problem, found.calibrated, found.fit, found.selected, select, say),
+        lambda: look_outside(problem, found.calibrated, *listed, select, say),
     )
-    if outside is None:
+    if outside is None or (found.unmodelled and found.unmodelled.outdoes(problem, outside.fit)):
         return found
     return Explanation(found.calibrated, outside.fit, outside.selection, outside.selection.selected, outside=outside)
 
@@ -189,7 +191,8 @@ def _selected(
     if not only and (load := spend("a load that is not logged", unlogged)):
         nothing = Selection([calibrated], indistinguishable=dict(scan.indistinguishable))
         return Explanation(calibrated, load.fit, nothing, load.selected, load)
-    listed = Selector(problem, scan, say, store).select(calibrated, _basis(campaign))
+    given = motion_is_given(campaign) and not problem.is_table
+    listed = Selector(problem, scan, say, store, given).select(calibrated, _basis(campaign))
     calibrated = listed.history[0]  # that of before, or a better one that came up on the way
     if only:
         kept = worth_naming(problem, calibrated, listed)
@@ -240,11 +243,14 @@ def _beyond_the_list(
     stands = listed.selected if left < thresholds.REMAINDER * before else []
     if found and stands and found.supports(stands[0].term):
         return Explanation(calibrated, listed.fit, listed, stands, anchored=found)
-    if unmodelled and unmodelled.taken > thresholds.ENOUGH and not (takes_most or (found and found.claims)):
+    stands_aside = (
+        found.claims if found else takes_most and not (unmodelled and unmodelled.outdoes(problem, listed.fit))
+    )
+    if unmodelled and unmodelled.is_likely and not stands_aside:
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
     if found and (found.named or not stands):
         return Explanation(calibrated, listed.fit, listed, [], anchored=found)
-    kept = worth_naming(problem, calibrated, listed) if given else prune(problem, listed)
+    kept = listed if given else prune(problem, listed)
     some = replace(campaign, recordings=some_of(problem, calibrated)[0].recordings)
     lies = partial(where_it_lies, some, problem.plant, kept.fit.run, say)
     rest = spend("where the rest lies", lies) if given and much and follows and not takes_most else None
@@ -263,8 +269,10 @@ def _followed(campaign: Campaign, problem: Problem, listed: Selection, say: Prog
 
 
 def _much_is_left(problem: Problem, listed: Selection) -> bool:
-    """Whether listed terms leave more than noise does."""
-    return problem.excess(listed.fit.residual) > thresholds.CLEARLY_LEFT * problem.excess_scatter
+    """Whether listed terms leave more than noise does: several hardly do, unless together they imitate something."""
+    left = listed.fit.residual
+    several = len(listed.selected) > 1 and problem.unexplained(left)
+    return several or problem.excess(left) > thresholds.CLEARLY_LEFT * problem.excess_scatter
 
 
 def _takes_most(problem: Problem, listed: Selection) -> bool:

@@ -21,6 +21,7 @@ COLLINEAR = 0.97  # correlation from which on two loads are one
 FOLLOWS = 0.02  # of an angle's travel, to which the integral of its speed equals it
 WIDTHS = (1e-3, 1e-2, 5e-2)  # of a smoothed sign, over the largest speed
 DECAYS = (0.03, 0.1, 0.3)  # speeds over which friction falls, over the largest speed
+PEAKS = (0.05, 0.1, 0.2, 0.4)  # speeds at which the drag of eddy currents is largest, over the largest speed
 SLOW = (1, 4, 16)  # s
 Wave = tuple[str, float]  # angle, periods per turn
 Feature = Mapping[str, Vector]  # recording -> (n,)
@@ -128,6 +129,7 @@ class Dictionary:
             reach = self.reach(self.speed)
             yield from (Product((Factor(self.speed, "tanh", width * reach),)) for width in WIDTHS if reach)
             yield from (Product((Factor(self.speed, "exp", decay * reach), direction)) for decay in DECAYS if reach)
+            yield from (Product((Factor(self.speed, "eddy", peak * reach),)) for peak in PEAKS if reach)
             drifting += [(direction,), (w,)]
         for T in SLOW:
             yield from (Product((Factor(TIME, "exp", T), *form)) for form in drifting)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cobot_joint.errors import UserError
 
 FEATURES, SIGNALS, POINTS = 8, 4, 64  # what fmus/correction has room for
-FUNCTIONS = ("one", "u", "u2", "u3", "abs", "tanh", "sin", "cos", "exp", "gauss")
+FUNCTIONS = ("one", "u", "u2", "u3", "abs", "tanh", "sin", "cos", "exp", "gauss", "eddy")
 NUMBER = {name: k for k, name in enumerate(FUNCTIONS, 1)}
 TIME = "t"
 SGN = 1e-3  # scale of a sign: its tanh is a step for every signal of a bench
@@ -26,6 +26,7 @@ _VALUES: dict[str, Callable[[NDArray[np.float64], float], NDArray[np.float64]]] 
     "cos": lambda u, p: np.cos(p * u),
     "exp": lambda u, p: np.exp(-np.abs(u) / p),
     "gauss": lambda u, p: np.exp(-((u / p) ** 2)),
+    "eddy": lambda u, p: (u / p) / (1 + (u / p) ** 2),
 }
 
 
@@ -52,6 +53,7 @@ class Factor:
             "sin": f"sin({p}*{name})",
             "cos": f"cos({p}*{name})",
             "gauss": f"exp(-({name}/{p})^2)",
+            "eddy": f"eddy({name}/{p})",
         }[self.function]
 
     def of(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -204,7 +206,7 @@ def _call(function: str, argument: ast.expr) -> Factor:
     if function in ("sin", "cos"):
         scale, signal = _scaled(argument)
         return Factor(signal, function, scale)
-    if function == "tanh":
+    if function in ("tanh", "eddy"):
         scale, signal = _scaled(argument)
         return Factor(signal, function, 1 / scale)
     if function == "exp":

@@ -72,12 +72,13 @@ def confidence(gain: float, left: float, unlisted: bool = False) -> float:
     return round(1 / (1 + math.exp(-score)), 3)
 
 
-def beside_background(taken: float) -> float:
+def beside_background(taken: float, unlisted: bool = False) -> float:
     """0..1, where no model fits to the noise: by the share that the term took of what was above it.
 
-    A background is not a listed term's to take; an effect of three times its size is nine tenths of the whole.
+    A background is not a listed term's to take; an effect of three times its size is nine tenths of the whole. What no
+    list has follows a background more easily.
     """
-    score = BESIDE[0] + BESIDE[1] * math.log10(1 / max(1 - taken, LEAST_LEFT))
+    score = BESIDE[0] + BESIDE[1] * math.log10(1 / max(1 - taken, LEAST_LEFT)) + COEFFICIENTS[2] * unlisted
     return round(min(1 / (1 + math.exp(-score)), MOST), 3)
 
 

@@ -25,9 +25,11 @@ from cobot_joint.diagnosis.estimation.least_squares import (
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 from cobot_joint.diagnosis.findings import Candidate
 from cobot_joint.diagnosis.selection.competition import Competition, finished
+from cobot_joint.diagnosis.selection.left_out import predicts
 from cobot_joint.diagnosis.store import Store
 
 POINTED = 8  # terms that are looked at again after the first was added
+BESIDE = 2  # of them that are fitted in many recordings, where a later term may take less than it leaves
 PASSES = 3  # over the onsets of several terms
 SUBSET = 1e-8  # of the largest singular value, below which a column is not asked to stand in for another
 REDUCED = Precision(settled=20.0, roughly=0.01, steps=8, jacobians=1)  # of a fit without an earlier term
@@ -73,7 +75,11 @@ class Selection:
 
 
 class Selector:
-    """Adds terms to a calibrated base model."""
+    """Adds terms to a calibrated base model.
+
+    given: the recordings' motion is an input. A free run loses nothing then, so that a later term which takes less than
+    it leaves may show by predicting parts that it was not fitted to that it is no patch.
+    """
 
     def __init__(
         self,
@@ -81,8 +87,10 @@ class Selector:
         scan: Scan,
         progress: Progress,
         store: Store | None = None,
+        given: bool = False,
     ) -> None:
         self.problem = problem
+        self.given = given
         self.scan = scan
         self.progress = progress
         self.store = store or Store(None)
@@ -135,11 +143,22 @@ class Selector:
         if gain < (thresholds.INEXACT * taken if so_far.selected else thresholds.LEAST * above):
             self.progress(f"{term} takes {share(gain, above)} of what is above noise: too little for a name")
             return False
-        left = self.problem.excess(winner.residual), self.problem.excess(best.residual)
-        if so_far.selected and left[0] > (1 - thresholds.HOLDS) * left[1]:
+        if so_far.selected and self._is_patch(best, winner):
             self.progress(f"{term} takes less than it leaves: a patch on a form that is somewhat off")
             return False
         return True
+
+    def _may_predict(self, best: Fit) -> bool:
+        """Whether a further term that takes less than it leaves may show by prediction that it is needed."""
+        return self.given and len(best.hypothesis.terms) < thresholds.MOST_BESIDE
+
+    def _is_patch(self, best: Fit, winner: Fit) -> bool:
+        """Whether a later term takes less than it leaves, and does not show otherwise that it is needed."""
+        left = self.problem.excess(winner.residual), self.problem.excess(best.residual)
+        if left[0] <= (1 - thresholds.HOLDS) * left[1]:
+            return False
+        enough = best.cost - winner.cost > thresholds.LEAST * (best.chi2 - self.problem.samples)
+        return not (enough and self._may_predict(best) and predicts(self.problem, best, winner))
 
     def _added(self, so_far: Selection, winner: Fit, fitted: dict[str, Fit]) -> Selection:
         best, term = so_far.fit, winner.hypothesis.terms[-1].name
@@ -169,17 +188,22 @@ class Selector:
             own = [s for s in ranked if s.term.name not in self.scan.indistinguishable]  # not fitted twice
             if active and self._is_background(best, own):
                 break
-            found = self.competition.fits(best, own, thresholds.WORTH_FITTING * self.problem.evidence)
-            winner = min(found.values(), key=lambda f: f.cost, default=None)
+            beside = bool(active) and self._may_predict(best)
+            some = own[:BESIDE] if beside and not self.problem.onsets else own
+            found = self.competition.fits(best, some, thresholds.WORTH_FITTING * self.problem.evidence)
+            may = [f for f in found.values() if not (beside and self._is_patch(best, f))]
+            winner = min(may, key=lambda f: f.cost, default=None)
             if winner is not None and best.cost - winner.cost >= self.problem.evidence:
                 return ranked, found, winner
+            if beside:
+                break
         return ranked, found, None
 
     def _is_background(self, best: Fit, ranked: Sequence[Score]) -> bool:
         """Whether no later term is predicted to take what it must: fits would be rejected as patches."""
         above = best.chi2 - self.problem.samples
         gain = max((s.gain for s in ranked), default=0.0)
-        if gain >= thresholds.HOLDS * above:
+        if gain >= (thresholds.LEAST if self._may_predict(best) else thresholds.HOLDS) * above:
             return False
         self.progress(f"the best further term is predicted to take {share(gain, above)} of what is left: a background")
         return True

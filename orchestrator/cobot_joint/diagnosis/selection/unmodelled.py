@@ -24,7 +24,7 @@ from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.localization.evidence import where_it_gains
 from cobot_joint.diagnosis.plant.correction import Product
 from cobot_joint.diagnosis.plant.plant import Port
-from cobot_joint.diagnosis.selection.confidence import confidence
+from cobot_joint.diagnosis.selection.confidence import beside_background, confidence
 from cobot_joint.diagnosis.selection.formula import forward
 from cobot_joint.diagnosis.selection.late_onset import look_late
 from cobot_joint.diagnosis.selection.promising import promising
@@ -41,6 +41,21 @@ class Unmodelled:
     selected: list[Selected]
     finding: Finding
     taken: float  # share of the excess
+
+    @property
+    def is_formula(self) -> bool:
+        """Rather than a table, an offset, or loads that come and go."""
+        return self.finding.shape is not None and any(f.form.factors for f in self.finding.shape.features)
+
+    @property
+    def is_likely(self) -> bool:
+        """Whether it takes so much that a background is not what it follows; a table follows most of one."""
+        return self.taken > (thresholds.ALONE if self.is_formula else thresholds.ENOUGH)
+
+    def outdoes(self, problem: Problem, other: Fit) -> bool:
+        """Whether it leaves so much less than listed physics does that its freedom does not account for it."""
+        rest = max(problem.excess(self.fit.residual), problem.excess_scatter)
+        return problem.excess(other.residual) > thresholds.TIMES_LESS * _freedom(self) * rest
 
 
 @dataclass
@@ -71,7 +86,8 @@ def look_for_unmodelled(
     before, left = problem.excess(calibrated.residual), problem.excess(listed.fit.residual)
     terms = len(listed.selected)
     explained = terms == 1 and left < thresholds.REMAINDER * before
-    if left < thresholds.CLEARLY_LEFT * problem.excess_scatter or explained:
+    little = left < thresholds.CLEARLY_LEFT * problem.excess_scatter
+    if explained or (little and (terms < 2 or not problem.unexplained(listed.fit.residual))):
         return None
     say("looking for an effect that is on no list, port by port")
     alone = _look(problem, calibrated, [], say, least)
@@ -206,11 +222,15 @@ def _answer(
     if taken < thresholds.HOLDS or gained < problem.evidence:
         return None
     form = _table_form(found, choice.port, table, taken) if table else _formula(problem, found, choice, taken)
+    left, above = max(problem.excess(found.residual), 0.0), max(found.chi2 - problem.samples, 0.0)
+    sure = confidence(gained, left, unlisted=True)
+    if left > thresholds.CLEARLY_LEFT * problem.excess_scatter:
+        sure = max(sure, beside_background(gained / (gained + above), unlisted=True))
     alike = indistinguishable_ports(problem, start, choice, thresholds.COLLINEAR)
     finding = Finding(
         term=f"{choice.port.component}.unlisted",
         equivalent=tuple(f"{c}.unlisted" for c in dict.fromkeys(p.component for p in alike)),
-        confidence=confidence(gained, max(problem.excess(found.residual), 0.0), unlisted=True),
+        confidence=sure,
         onset=onset,
         parameters={},
         where=where_it_gains(problem, start.residual**2 - found.residual**2),

@@ -25,6 +25,7 @@ from cobot_joint.units import find_fmu, load_unit
         ("tanh(w/0.5)", 1.0, [Factor("w", "tanh", 0.5)]),
         ("cos(phi)*abs(tau)", 1.0, [Factor("phi", "cos"), Factor("tau", "abs")]),
         ("exp(-(i/2)^2)", 1.0, [Factor("i", "gauss", 2.0)]),
+        ("eddy(w/140)*abs(w)", 1.0, [Factor("w", "eddy", 140.0), Factor("w", "abs")]),
         ("exp(-abs(w)/3)*sgn(w)", 1.0, [Factor("w", "exp", 3.0), Factor("w", "tanh", SGN)]),
         ("exp(-t/4)*w", 1.0, [Factor("t", "exp", 4.0), Factor("w", "u")]),
         ("sin(24*mr_brake_belt.phi_b)", 1.0, [Factor("mr_brake_belt.phi_b", "sin", 24.0)]),

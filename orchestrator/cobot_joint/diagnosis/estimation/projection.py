@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.least_squares import bounded_step
 from cobot_joint.diagnosis.estimation.problem import Vector
 
 SINGULAR = 1e-9  # of the largest singular value of a scaled Gram matrix, below which a direction is not seen
@@ -41,6 +42,16 @@ class Projection:
     def together(self) -> float:
         """Chi-square that all columns take with all that was fitted."""
         return self._decrease(range(len(self.gram) - 1 - self.base))[0]
+
+    def inside(self, start: Fit) -> float:
+        """Chi-square that all columns take with all that was fitted inside its bounds. start: as at first."""
+        gram, gradient = self.gram[1:, 1:].copy(), self.gram[1:, 0].copy()
+        gram[: self.base, : self.base] += np.diag(self.prior)
+        gradient[: self.base] -= self.prior * self.x
+        coordinates, free = start.hypothesis.coordinates, np.full(len(gradient) - self.base, np.inf)
+        lower = np.concatenate([np.array([c.lower for c in coordinates]) - self.x, -free])
+        upper = np.concatenate([np.array([c.upper for c in coordinates]) - self.x, free])
+        return bounded_step(gram, gradient, lower, upper)[1]
 
     def _decrease(self, chosen: Sequence[int], penalty: Vector | None = None) -> tuple[float, Vector]:
         base = self.base

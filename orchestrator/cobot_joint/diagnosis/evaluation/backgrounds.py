@@ -16,7 +16,14 @@ from scipy.signal import lfilter
 
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.problem import Run
-from cobot_joint.diagnosis.evaluation.synthetic import Bench, Concealer, Drawn, size_after_refit, with_effects
+from cobot_joint.diagnosis.evaluation.synthetic import (
+    Bench,
+    Concealed,
+    Concealer,
+    Drawn,
+    size_after_refit,
+    with_effects,
+)
 from cobot_joint.diagnosis.plant.plant import Plant, Signals
 
 Array = NDArray[np.float64]
@@ -24,6 +31,7 @@ Rng = np.random.Generator
 MOTOR, BRAKE = "motor_bldc", "mr_brake_belt"
 LEVELS = (0.4, 1.7)  # sigma over all samples that a background leaves after a re-fit, even in its logarithm
 OVER = (1.6, 20.0)  # times the background that an effect is, the same
+DRAWS = 8  # of effects, until all are as large as they should be
 ROUNDS = 4  # of simulating with what depends on the motion that it changes
 RISE = 0.05  # s in which it begins
 CLOSE = 0.2  # share to which a background has the size drawn, and an effect that is on no list
@@ -131,7 +139,7 @@ class FieldConcealer:
         background, size = self._sized(bench, family(rng), _between(LEVELS, rng) * samples)
         over = _between(OVER, rng) * size
         listed = effects - int(rng.binomial(effects, UNLISTED))
-        concealed = self.concealer.conceal(bench, listed, (over, 1.001 * over), rng)
+        concealed = self._as_large(bench, listed, over, rng)
         parts, unlisted = list(background), []
         for _ in range(effects - listed):
             components, part = off_the_list(rng)
@@ -141,6 +149,14 @@ class FieldConcealer:
         run = with_effects(bench.healthy.run, [c.active for c in concealed])
         drawn = bench.recorded(self._outputs(bench, parts, run, ROUNDS), concealed, rng)
         return FieldDrawn(drawn, size / samples, tuple(unlisted))
+
+    def _as_large(self, bench: Bench, effects: int, wanted: float, rng: Rng) -> tuple[Concealed, ...]:
+        """Effects of about that root of chi-square: others are drawn where one cannot be so large."""
+        for _ in range(DRAWS):
+            concealed = self.concealer.conceal(bench, effects, (wanted, 1.001 * wanted), rng)
+            if all(c.size > wanted / 2 for c in concealed):
+                break
+        return concealed
 
     def _sized(self, bench: Bench, parts: Sequence[Part], wanted: float) -> tuple[list[Part], float]:
         """Parts so large that a re-fit leaves about the wanted root of chi-square, and what it leaves."""

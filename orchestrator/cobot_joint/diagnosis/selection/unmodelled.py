@@ -53,14 +53,17 @@ class Unmodelled:
         return self.taken > (thresholds.ALONE if self.is_formula else thresholds.ENOUGH)
 
     def outdoes(self, problem: Problem, other: Fit) -> bool:
-        """Whether it leaves so much less than listed physics does that its freedom does not account for it."""
+        """Whether it leaves so much less than another fit, per feature, term, or parameter that was let go, that its
+        freedom does not account for it."""
         rest = max(problem.excess(self.fit.residual), problem.excess_scatter)
-        return problem.excess(other.residual) > thresholds.TIMES_LESS * _freedom(self) * rest
+        count = max(len(other.hypothesis.effects), 1)
+        return problem.excess(other.residual) * count > thresholds.TIMES_LESS * _freedom(self) * rest
 
 
 @dataclass
 class Place:
-    """A port: chi-square that its first forms take together, and the best formula there."""
+    """A port: chi-square that its first forms take together, base parameters in their tolerances, and the best formula
+    there."""
 
     port: Port
     dictionary: Dictionary
@@ -185,7 +188,7 @@ def _places(problem: Problem, start: Fit, least: float) -> list[Place]:
     places = []
     together = thresholds.ALONE if least else 0.0
     for dictionary, columns in promising(problem, start, every, thresholds.HOLDS, together):
-        points = Projection(start, [c.vector for c in columns]).gain(range(len(columns)))[0]
+        points = Projection(start, [c.vector for c in columns]).inside(start)
         places.append(Place(dictionary.port, dictionary, points, columns, forward(problem, start, columns)))
     return _distinguishable(sorted(places, key=lambda place: -place.points))
 

@@ -10,7 +10,7 @@ import pytest
 
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.evaluation import backgrounds
-from cobot_joint.diagnosis.evaluation.background_count import judge, tables
+from cobot_joint.diagnosis.evaluation.background_count import Draws, counted, judge, tables
 from cobot_joint.diagnosis.evaluation.backgrounds import CLOSE, LEVELS, OVER, FieldConcealer, FieldDrawn
 from cobot_joint.diagnosis.evaluation.synthetic import Concealer
 from cobot_joint.diagnosis.findings import Diagnosis, Finding
@@ -90,3 +90,17 @@ def test_the_tables_count_what_was_missed_and_what_was_false(machine: FieldDrawn
     assert "| 0.8 to 0.9 | 1 | 0 |" in text
     squares = [(hit["findings"][0]["confidence"] - 1) ** 2, 0.85**2, 1.0]
     assert f"{np.mean(squares):.3f}" in text
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("number", "component"),
+    [(6, "motor_bldc"), (21, "motor_bldc"), (22, "mr_brake_belt")],
+    ids=["cubic", "eddy", "drag"],
+)
+def test_a_drag_on_no_list_is_not_called_a_data_sheet_that_is_wrong(number: int, component: str) -> None:
+    """Such machines were answered with windage, `friction.tau_C` and `brake.d_off` outside their tolerances, at 95 %"""
+    row = counted(Draws(PATTERN.parents[1] / "case04" / "campaign.toml", 8.0, 21), number)
+    (effect,) = row["effects"]
+    assert effect["term"] == f"{component}.unlisted"
+    assert [f["term"] for f in row["findings"]] == [f"{component}.unlisted"]

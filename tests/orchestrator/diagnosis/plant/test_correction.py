@@ -64,6 +64,7 @@ FORMULAS: list[tuple[list[tuple[float, str]], Callable[[np.ndarray, np.ndarray],
     ([(1.0, "tanh(a/0.5)*cos(2*b)"), (-1.0, "a^3")], lambda a, b: np.tanh(a / 0.5) * np.cos(2 * b) - a**3),
     ([(1.0, "exp(-(a/0.7)^2)"), (1.0, "exp(-abs(b)/2)*abs(a)")],
      lambda a, b: np.exp(-((a / 0.7) ** 2)) + np.exp(-abs(b) / 2) * abs(a)),
+    ([(2.0, "eddy(a/0.4)")], lambda a, b: 2.0 * (a / 0.4) / (1 + (a / 0.4) ** 2)),
 ]  # fmt: skip
 
 

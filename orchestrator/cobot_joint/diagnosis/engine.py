@@ -324,7 +324,8 @@ def _answer(problem: Problem, explanation: Explanation) -> Diagnosis:
         findings.append(explanation.unmodelled.finding)
     if explanation.outside:
         findings.append(explanation.outside.finding(problem, before, repaired))
-    findings = sorted((replace(f, ground=_ground(problem, f, left)) for f in findings), key=lambda f: -f.gain)
+    findings = [replace(f, ground=_ground(problem, f, left)) for f in findings]
+    findings = sorted((replace(f, confidence=_together(f, findings)) for f in findings), key=lambda f: -f.gain)
     return Diagnosis(
         verdict="undecided" if misread else _verdict(findings, left > thresholds.UNDECIDED * problem.excess_scatter),
         findings=findings,
@@ -339,6 +340,14 @@ def _answer(problem: Problem, explanation: Explanation) -> Diagnosis:
             "scatter": problem.excess_scatter,
         },
     )
+
+
+def _together(finding: Finding, all_of_them: Sequence[Finding]) -> float:
+    """Its confidence; no claim where several terms of one unit are needed and the form of one ends at what it allows:
+    together they imitate another."""
+    beside = [f for f in all_of_them if f.component == finding.component]
+    at_its_end = any(e.at for f in beside for e in f.parameters.values())
+    return min(finding.confidence, thresholds.WITHHELD) if len(beside) > 1 and at_its_end else finding.confidence
 
 
 def _verdict(findings: Sequence[Finding], much_left: bool) -> Verdict:

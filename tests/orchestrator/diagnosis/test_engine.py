@@ -22,7 +22,7 @@ from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, bounded_step, fit
 from cobot_joint.diagnosis.estimation.problem import Noise, Problem
-from cobot_joint.diagnosis.findings import Diagnosis
+from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding
 from cobot_joint.diagnosis.plant.plant import Plant, Signals
 from cobot_joint.diagnosis.repair.repair import onsets
 from cobot_joint.diagnosis.selection.stepwise import Selected, Selection, Selector
@@ -351,3 +351,14 @@ def test_a_load_that_comes_and_goes_must_take_nearly_all_to_count_beside_a_backg
         selection = Selection(fits, [Selected(name, share * above)])  # type: ignore[arg-type]
         believed = engine.sure_beside_background(p, selection).get(name, 0.0) >= EVEN
         assert believed == (counts or name == "axis.windage")
+
+
+@pytest.mark.parametrize(("at", "component", "sure"), [("upper", "a", 0.45), (None, "a", 0.9), ("upper", "b", 0.9)])
+def test_two_terms_of_one_unit_of_which_one_ends_at_a_bound_are_no_claim(
+    at: Literal[upper] | None, component: str, sure: float
+) -> None:
+    """proof/sealed case18: eddy currents were imitated by friction that saturates, all of it, and by windage"""
+    at_its_end = Estimate(1.0, "1", (1.0, 1.0), at)
+    first = Finding("a.first", (), 0.9, None, {"a.first.x": at_its_end}, {}, 50.0)
+    second = Finding(f"{component}.second", (), 0.9, None, {}, {}, 40.0)
+    assert engine._together(second, [first, second]) == sure

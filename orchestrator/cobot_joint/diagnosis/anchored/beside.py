@@ -25,6 +25,7 @@ FEW = 3  # shapes that are then tried on all of it
 LOOSE = 1e-12  # precision of what may have any size
 FAR = 5.99  # sigma of an innovation, as kalman.c limits it
 STEPS = 12  # onsets that are tried
+SILENT = 1e-3  # nats, below which a recording says nothing of an effect
 LOST = 0.005  # of the samples, from which on a filter has lost its way in a recording
 NEAR = 10  # samples about one that the filter could not follow, which say nothing either
 
@@ -45,6 +46,24 @@ class Candidate:
     evidence: float
     effect: Effect
     by_runs: bool = False
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """Log likelihood that something adds to parts that it was not fitted to: (blocks,), (recordings,) or none of one.
+
+    What repeats in time by chance, such as a drift, predicts other parts of its own recording, and no other recording.
+    """
+
+    blocks: Array
+    recordings: Array
+
+    @property
+    def worth(self) -> float:
+        """In all, as far as it does not hang on one part: the less of both."""
+        blocks = trimmed_sum(self.blocks)
+        acts = self.recordings[np.abs(self.recordings) > SILENT]
+        return blocks if len(acts) < 2 else min(blocks, float(acts.sum() - acts.max()))
 
 
 class Beside:
@@ -168,14 +187,24 @@ class Beside:
                     )
         return best if best.onset is None else replace(best, effect=self._since(found.effect, [best.onset]))
 
-    def predicted(self, found: Candidate) -> Array:
-        """Log likelihood that it adds to each of `blocks`, all fitted to the others: (blocks,)"""
-        return self.regression.predicted(self._products(self._white(found.effect)), found.added.variances)
+    def predicted(self, found: Candidate) -> Predicted:
+        """What it adds to parts that it was not fitted to."""
+        more = self._products(self._white(found.effect))
+        parts = [self.regression.predicted(more, found.added.variances, each) for each in self._parts]
+        return Predicted(*parts)
 
-    def predicted_outside(self, name: str, bound: float) -> Array:
-        """Log likelihood that a base parameter outside its tolerance adds to each of `blocks`, all fitted to the
-        others, over being held at the bound, which is so much from the value that it has now: (blocks,)"""
-        return self.regression.predicted_free(self.names.index(name), bound)
+    def predicted_outside(self, name: str, bound: float) -> Predicted:
+        """The same of a base parameter outside its tolerance, over being held at the bound, which is so much from the
+        value that it has now."""
+        k = self.names.index(name)
+        return Predicted(*(self.regression.predicted_free(k, bound, each) for each in self._parts))
+
+    @property
+    def _parts(self) -> tuple[list[list[int]], list[list[int]]]:
+        """What is left out in turn: every block; every recording, of several."""
+        numbers = range(len(self.blocks))
+        by_recording = [[b for b in numbers if self.blocks[b][0] == n] for n in range(len(self.trackings))]
+        return [[b] for b in numbers], by_recording if len(by_recording) > 1 else []
 
     def _since(self, effect: Effect, onsets: Sequence[float]) -> Effect:
         """The same from a time on, for each of some."""

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Parts = Sequence[Sequence[int]]  # numbers of blocks that are left out together
 ROUNDS = 40  # of re-estimating the groups' variances; a term's own few, from where they are
 FEW = 12
 OWN = 1e-6  # of a column's square that is its own beside the others: less is rounding
@@ -120,27 +121,27 @@ class Regression:
         evidence = self._evidence(variances, wide, g, k, prior) - self.evidence
         return Added(theta[-k:], covariance[-k:, -k:], evidence, variances)
 
-    def predicted(self, more: Products, variances: Array) -> Array:
-        """Log likelihood that the columns add to each block, all fitted to the other blocks: (blocks,)"""
+    def predicted(self, more: Products, variances: Array, parts: Parts) -> Array:
+        """Log likelihood that the columns add to each part, all fitted to the others: (parts,)"""
         k, found = more.gradient.shape[1], []
         wide = np.concatenate([np.concatenate([self.columns.gram, more.cross], axis=2),
                                np.concatenate([more.cross.transpose(0, 2, 1), more.gram], axis=2)], axis=1)  # fmt: skip
         g = np.concatenate([self.columns.gradient, more.gradient], axis=1)
         total, pull, tiny = wide.sum(axis=0), g.sum(axis=0), OWN * np.diag(more.gram.sum(axis=0))
-        for block in range(len(wide)):
-            others, rest = total - wide[block], pull - g[block]
-            without, _ = self._solved(self.variances, others[:-k, :-k], rest[:-k], 0)
-            beside, _ = self._solved(variances, others, rest, k, tiny)
-            found.append(_likelihood(beside, wide[block], g[block])
-                         - _likelihood(without, wide[block][:-k, :-k], g[block][:-k]))  # fmt: skip
+        for part in parts:
+            gram, gradient = wide[part].sum(axis=0), g[part].sum(axis=0)
+            without, _ = self._solved(self.variances, (total - gram)[:-k, :-k], (pull - gradient)[:-k], 0)
+            beside, _ = self._solved(variances, total - gram, pull - gradient, k, tiny)
+            found.append(_likelihood(beside, gram, gradient) - _likelihood(without, gram[:-k, :-k], gradient[:-k]))
         return np.array(found)
 
-    def predicted_free(self, k: int, bound: float) -> Array:
-        """Log likelihood that coefficient k adds to each block where it is free rather than held at a bound, all fitted
-        to the other blocks: (blocks,). 0: the other blocks do not press against the bound, from where it lies."""
+    def predicted_free(self, k: int, bound: float, parts: Parts) -> Array:
+        """Log likelihood that coefficient k adds to each part where it is free rather than held at a bound, all fitted
+        to the others: (parts,). 0: the others do not press against the bound, from where it lies."""
         found, total, pull = [], self.columns.gram.sum(axis=0), self.columns.gradient.sum(axis=0)
         side = np.sign(self.theta[k] - bound)
-        for gram, gradient in zip(self.columns.gram, self.columns.gradient, strict=True):
+        for part in parts:
+            gram, gradient = self.columns.gram[part].sum(axis=0), self.columns.gradient[part].sum(axis=0)
             free, covariance = self._solved(self.variances, total - gram, pull - gradient, 0)
             beyond = side * max(side * (free[k] - bound), 0.0)
             held = free - covariance[:, k] / covariance[k, k] * beyond

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis import thresholds
-from cobot_joint.diagnosis.anchored.beside import Beside, Candidate, trimmed_sum
+from cobot_joint.diagnosis.anchored.beside import Beside, Candidate, Predicted
 from cobot_joint.diagnosis.anchored.tracks import Tracker
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.fit import NORMAL
@@ -42,14 +42,14 @@ PROBED = 0.3  # of the noise, that a run is moved by where a term's answer is ta
 class Named:
     """A term that is on.
 
-    next_best: evidence of the best term that could not be called alike. blocks: log likelihood that it adds to quarters
-    of the recordings that it was not fitted to; in_all: to all of them, followed again with it.
+    next_best: evidence of the best term that could not be called alike. in_all: log likelihood that it adds to all
+    recordings, followed again with it; predicted: to parts of them that it was not fitted to.
     """
 
     candidate: Candidate
     alike: tuple[str, ...]
     next_best: float
-    blocks: tuple[float, ...]
+    predicted: float
     where: dict[str, object]
     in_all: float = 0.0
 
@@ -62,11 +62,6 @@ class Named:
     def evidence(self) -> float:
         """For it, when it was added."""
         return self.candidate.evidence
-
-    @property
-    def predicted(self) -> float:
-        """Log likelihood that it adds to blocks that it was not fitted to: no term stands on one, or falls with one."""
-        return trimmed_sum(np.array(self.blocks))
 
 
 def confidence(named: Named) -> float:
@@ -228,15 +223,15 @@ class Searcher:
                 continue
             outside = best.term.name in self.bounds
             predicted = self._outside_predicts(found, at, best.term.name) if outside else at.predicted(best)
-            if trimmed_sum(predicted) > 0:
+            if predicted.worth > 0:
                 likely.append(self._named(at, best, ranked[n + 1 :], predicted))
         return likely
 
-    def _named(self, at: Beside, best: Candidate, others: Sequence[Candidate], predicted: NDArray[np.float64]) -> Named:
+    def _named(self, at: Beside, best: Candidate, others: Sequence[Candidate], predicted: Predicted) -> Named:
         close = best.evidence - max(thresholds.ANCHORED_ALIKE, thresholds.ANCHORED_ALIKE_SHARE * best.evidence)
         alike = [c.term.name for c in others if c.evidence > close]
         next_best = max((c.evidence for c in others if c.evidence <= close), default=0.0)
-        return Named(best, tuple(alike), next_best, tuple(map(float, predicted)), _where(at, predicted))
+        return Named(best, tuple(alike), next_best, predicted.worth, _where(at, predicted.blocks))
 
     def _by_runs(self, found: Search, at: Beside, term: TermCandidate) -> Candidate | None:
         """A term with a memory answers to nothing while it is off: what it does to a run, in proportion."""
@@ -285,8 +280,8 @@ class Searcher:
         ended = [outputs for outputs in results if outputs is not None]
         return ended if len(ended) == len(results) else None
 
-    def _outside_predicts(self, found: Search, at: Beside, name: str) -> NDArray[np.float64]:
-        """Of a base parameter beyond a bound: what that adds to blocks that it was not fitted to, (blocks,)"""
+    def _outside_predicts(self, found: Search, at: Beside, name: str) -> Predicted:
+        """Of a base parameter beyond a bound: what that adds to parts that it was not fitted to."""
         value, (low, high) = self._value(found, name), self.bounds[name]
         bound = high if value + at.corrections[name][0] > high else low
         return at.predicted_outside(name, bound - value)

@@ -77,7 +77,7 @@ def test_a_term_in_a_background_has_its_size_and_evidence(rng: np.random.Generat
     assert added.coefficients[0] == pytest.approx(0.8, abs=4 * np.sqrt(added.covariance[0, 0]))
     assert added.evidence > 20
     assert found.gain(more) > 20
-    assert (found.predicted(more, added.variances) > 0).all()
+    assert (found.predicted(more, added.variances, [[b] for b in range(len(found.columns.gram))]) > 0).all()
 
 
 def test_what_only_a_background_does_is_no_evidence_for_a_term(rng: np.random.Generator) -> None:
@@ -106,7 +106,7 @@ def test_a_term_in_one_block_only_does_not_predict_the_others(rng: np.random.Gen
     more = products(known, smooth, wave, e)
     added = found.added(more)
     assert added is not None
-    predicted = found.predicted(more, added.variances)
+    predicted = found.predicted(more, added.variances, [[b] for b in range(len(found.columns.gram))])
     assert predicted.sum() - predicted.max() < 0
 
 
@@ -116,9 +116,9 @@ def test_a_parameter_beyond_a_bound_predicts_where_all_parts_press_on_it_and_not
     known, smooth, _ = drawn(rng)
     bound, noise = 0.3, rng.normal(size=ROWS)
     everywhere = regression(known, smooth, noise + known @ [0.8, 0.0])
-    assert np.all(everywhere.predicted_free(0, bound) > 5)
+    assert np.all(everywhere.predicted_free(0, bound, [[b] for b in range(len(everywhere.columns.gram))]) > 5)
     once = noise.copy()
     once[: ROWS // BLOCKS] += 3.0 * known[: ROWS // BLOCKS, 0]  # 0.75 on the whole
     lopsided = regression(known, smooth, once)
     assert lopsided.theta[0] > bound
-    assert np.sort(lopsided.predicted_free(0, bound))[1:-1].sum() <= 0
+    assert np.sort(lopsided.predicted_free(0, bound, [[b] for b in range(len(lopsided.columns.gram))]))[1:-1].sum() <= 0

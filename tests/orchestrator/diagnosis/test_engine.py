@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -355,7 +355,7 @@ def test_a_load_that_comes_and_goes_must_take_nearly_all_to_count_beside_a_backg
 
 @pytest.mark.parametrize(("at", "component", "sure"), [("upper", "a", 0.45), (None, "a", 0.9), ("upper", "b", 0.9)])
 def test_two_terms_of_one_unit_of_which_one_ends_at_a_bound_are_no_claim(
-    at: Literal[upper] | None, component: str, sure: float
+    at: Literal["upper"] | None, component: str, sure: float
 ) -> None:
     """proof/sealed case18: eddy currents were imitated by friction that saturates, all of it, and by windage"""
     at_its_end = Estimate(1.0, "1", (1.0, 1.0), at)

@@ -243,10 +243,8 @@ def _beyond_the_list(
     stands = listed.selected if left < thresholds.REMAINDER * before else []
     if found and stands and found.supports(stands[0].term):
         return Explanation(calibrated, listed.fit, listed, stands, anchored=found)
-    stands_aside = (
-        found.claims if found else takes_most and not (unmodelled and unmodelled.outdoes(problem, listed.fit))
-    )
-    if unmodelled and unmodelled.is_likely and not stands_aside:
+    claimed = found.claims if found else takes_most
+    if unmodelled and unmodelled.is_likely and (unmodelled.outdoes(problem, listed.fit) or not claimed):
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
     if found and (found.named or not stands):
         return Explanation(calibrated, listed.fit, listed, [], anchored=found)
@@ -260,12 +258,14 @@ def _beyond_the_list(
 def _followed(campaign: Campaign, problem: Problem, listed: Selection, say: Progress, store: Store) -> Search | None:
     """What the recorded motion says."""
     in_runs = [c.term for c in listed.ranking[0]] if listed.ranking else []
+    start = listed.history[0].run.values
 
     def on_the_way(words: str) -> None:
         problem.budget.check()
         say(words)
 
-    return store.remember("anchored", _basis(campaign), lambda: follow(campaign, problem.plant, on_the_way, in_runs))
+    along = partial(follow, campaign, problem.plant, on_the_way, in_runs, start)
+    return store.remember("anchored", (_basis(campaign), start), along)
 
 
 def _much_is_left(problem: Problem, listed: Selection) -> bool:

@@ -29,7 +29,6 @@ WORTH = 0.1  # of what is above noise, that a later term must take, and a level 
 INEXACT = 3e-5  # of what was taken before, that a later term must take: no form is known to half a percent [naming]
 STILL_NEEDED = 0.02  # of what an earlier term took, that it must take beside a later one [naming]
 LATER = 60.0  # chi-square by which a late onset must beat being there from the start: 16 onsets, two sigma each [count]
-MOST_BESIDE = 2  # terms beside a background, where a later one has shown by prediction alone that it is needed [naming]
 MOST_TERMS = 4  # of a campaign, and features of a formula; drawn campaigns have two at most [count]
 
 # -- what cannot be told apart

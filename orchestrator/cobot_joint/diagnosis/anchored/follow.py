@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 
 from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis.anchored.search import Progress, Search, Searcher
@@ -30,12 +31,15 @@ def motion_is_given(campaign: Campaign) -> bool:
     return any(r.units.get(name) in MOTIONS for r in campaign.train for name in r.inputs)
 
 
-def follow(campaign: Campaign, plant: Plant, say: Progress, in_runs: Collection[str]) -> Search | None:
-    """None: none of the recordings can be followed. The plant is one that `can_follow`. in_runs: see Searcher."""
+def follow(
+    campaign: Campaign, plant: Plant, say: Progress, in_runs: Collection[str], start: Mapping[str, float]
+) -> Search | None:
+    """None: none of the recordings can be followed. The plant is one that `can_follow`. in_runs: see Searcher. start:
+    base parameters as free runs have them re-fitted."""
     terms = [t for t in plant.terms if any(plant.has(t.name, r) for r in campaign.train)]
     with _searcher(campaign, plant, terms, say, in_runs) as searcher:
         try:
-            return searcher.search()
+            return searcher.search(start)
         except SimulationError as error:
             say(f"the recordings cannot be followed: {error}")
             return None
@@ -60,5 +64,6 @@ def _searcher(
     assert isinstance(plant, FmuPlant)
     bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
     bounds = {name: (low, high) for name, (low, high) in bounds.items() if low < high}
-    with Tracker(plant, campaign.train, noise_of(campaign)) as tracker:
+    seen = replace(campaign, recordings=campaign.train)  # not what is held out
+    with Tracker(plant, seen.recordings, noise_of(seen)) as tracker:
         yield Searcher(plant, tracker, bounds, terms, say, in_runs)

@@ -149,8 +149,8 @@ class Selector:
         return True
 
     def _may_predict(self, best: Fit) -> bool:
-        """Whether a further term that takes less than it leaves may show by prediction that it is needed."""
-        return self.given and len(best.hypothesis.terms) < thresholds.MOST_BESIDE
+        """Whether a further term that takes less than it leaves may show by prediction that it is needed: a second."""
+        return self.given and len(best.hypothesis.terms) == 1
 
     def _is_patch(self, best: Fit, winner: Fit) -> bool:
         """Whether a later term takes less than it leaves, and does not show otherwise that it is needed."""

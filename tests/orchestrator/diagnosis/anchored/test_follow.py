@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from cobot_joint.diagnosis.anchored.follow import can_follow, motion_is_given
+from cobot_joint.diagnosis.anchored.follow import _searcher, can_follow, motion_is_given
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 
@@ -18,3 +20,17 @@ def test_a_motion_that_drives_the_system_is_given(root: Path, unit: str) -> None
     with FmuPlant(campaign.systems()) as plant:
         assert can_follow(campaign, plant)
         assert motion_is_given(campaign) == (unit != "V")
+
+
+def test_what_is_held_out_is_not_looked_at(root: Path) -> None:
+    """Its noise was: field/open case01 was answered otherwise with and without its held-out run"""
+    campaign = load_campaign(root / "proof/sealed/case01", roles=("train",))
+    held_out = replace(campaign.train[0], role="holdout")
+    held_out.outputs = {name: y + np.random.default_rng(0).normal(size=len(y)) for name, y in held_out.outputs.items()}
+    with FmuPlant(campaign.systems()) as plant:
+        noises = []
+        for recordings in (campaign.train, [*campaign.train, held_out]):
+            case = replace(campaign, recordings=recordings)
+            with _searcher(case, plant, [], lambda words: None, ()) as searcher:
+                noises.append(searcher.tracker.noise)
+    assert noises[0] == noises[1]

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
+from cobot_joint.diagnosis.anchored.beside import Predicted
 from cobot_joint.diagnosis.anchored.search import Search, Searcher
 from cobot_joint.diagnosis.anchored.tracks import Tracker
 from cobot_joint.diagnosis.data.recording import Recording
@@ -48,7 +49,7 @@ def searcher(recording: Recording) -> Iterator[Searcher]:
 
 def search(values: Mapping[str, float]) -> Search:
     with searcher(recorded(run(values, background(values), seconds=SECONDS))) as found:
-        return found.search()
+        return found.search({})
 
 
 def test_a_background_alone_is_given_no_name() -> None:
@@ -94,3 +95,20 @@ def test_without_a_search_the_rest_lies_where_it_was_put() -> None:
 def test_where_nothing_is_left_no_place_has_a_share_of_it() -> None:
     with searcher(recorded(run({}, seconds=SECONDS))) as found:
         assert all(float(str(row.get("share", 0.0))) < 0.5 for row in found.background({}, {}))
+
+
+@pytest.mark.parametrize(("times", "begins"), [(1.06, 1.06), (0.9, 1.0)])
+def test_the_search_begins_where_the_recordings_are_more_likely(times: float, begins: float) -> None:
+    """field/open case01: from nominal values it ended in a side valley, and a term made up for that"""
+    name = "motor_bldc.winding.R"
+    with searcher(recorded(run({name: 0.209 * 1.06}, seconds=SECONDS))) as found:
+        begun, _ = found._begun({name: 0.209 * times})
+    assert begun.values.get(name, 0.209) == pytest.approx(0.209 * begins)
+
+
+@pytest.mark.parametrize(
+    ("recordings", "worth"), [([30.0, 40.0, 50.0], 70.0), ([-30.0, 20.0, 300.0], -10.0), ([200.0], 120.0), ([], 120.0)]
+)
+def test_what_predicts_its_own_recording_only_is_worth_nothing(recordings: list[float], worth: float) -> None:
+    blocks = np.array([10.0, 50.0, 70.0, 90.0])
+    assert Predicted(blocks, np.array(recordings)).worth == worth

@@ -60,10 +60,10 @@ class Predicted:
 
     @property
     def worth(self) -> float:
-        """In all, as far as it does not hang on one part: the less of both."""
-        blocks = trimmed_sum(self.blocks)
-        acts = self.recordings[np.abs(self.recordings) > SILENT]
-        return blocks if len(acts) < 2 else min(blocks, float(acts.sum() - acts.max()))
+        """In all: of blocks as far as it does not hang on one, or of recordings, if that is less. Where one recording
+        alone answers, no other could have told of it."""
+        blocks, acts = trimmed_sum(self.blocks), np.abs(self.recordings) > SILENT
+        return blocks if acts.sum() < 2 else min(blocks, float(self.recordings.sum()))
 
 
 class Beside:

@@ -107,7 +107,8 @@ def test_the_search_begins_where_the_recordings_are_more_likely(times: float, be
 
 
 @pytest.mark.parametrize(
-    ("recordings", "worth"), [([30.0, 40.0, 50.0], 70.0), ([-30.0, 20.0, 300.0], -10.0), ([200.0], 120.0), ([], 120.0)]
+    ("recordings", "worth"),
+    [([30.0, 40.0, 20.0], 90.0), ([-30.0, 20.0, 5.0], -5.0), ([0.0, 200.0], 120.0), ([], 120.0)],
 )
 def test_what_predicts_its_own_recording_only_is_worth_nothing(recordings: list[float], worth: float) -> None:
     blocks = np.array([10.0, 50.0, 70.0, 90.0])

@@ -57,6 +57,7 @@ def test_a_form_reads_back_as_what_it_was_made_of_and_has_its_values() -> None:
         for name, values in by_recording.items():
             local = found.locals[name]
             names = {**local.signals, "t": local.time, "sgn": lambda x: np.tanh(x / 1e-3)}
+            names["eddy"] = lambda x: x / (1 + x**2)
             names |= {f: getattr(np, f) for f in ("sin", "cos", "tanh", "exp", "abs")}
             expected = eval(str(product).replace("^", "**"), {"__builtins__": {}}, names)
             assert values == pytest.approx(np.broadcast_to(expected, values.shape), rel=1e-9, abs=1e-12), str(product)

@@ -248,7 +248,8 @@ def _beyond_the_list(
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
     if found and (found.named or not stands):
         return Explanation(calibrated, listed.fit, listed, [], anchored=found)
-    kept = listed if given else prune(problem, listed)
+    proven = worth_naming(problem, calibrated, listed) if problem.is_table else listed  # in time, by parts left out
+    kept = proven if given else prune(problem, listed)
     some = replace(campaign, recordings=some_of(problem, calibrated)[0].recordings)
     lies = partial(where_it_lies, some, problem.plant, kept.fit.run, say)
     rest = spend("where the rest lies", lies) if given and much and follows and not takes_most else None
@@ -257,8 +258,7 @@ def _beyond_the_list(
 
 def _followed(campaign: Campaign, problem: Problem, listed: Selection, say: Progress, store: Store) -> Search | None:
     """What the recorded motion says."""
-    in_runs = [c.term for c in listed.ranking[0]] if listed.ranking else []
-    start = listed.history[0].run.values
+    in_runs, start = [c.term for ranked in listed.ranking[:1] for c in ranked], listed.history[0].run.values
 
     def on_the_way(words: str) -> None:
         problem.budget.check()

@@ -318,6 +318,6 @@ class _Lines:
             self.first = line
         else:
             for said in filter(None, (self.first, line)):
-                print(said, file=sys.stderr, flush=True)
+                sys.stderr.write(f"{said}\n")  # at once: an interruption finds no line half written
             self.first = None
         self.stage, self.last = stage, now

@@ -8,6 +8,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import typer
@@ -146,6 +147,16 @@ def test_a_diagnosis_that_is_killed_goes_on_and_says_the_same(tmp_path: Path) ->
     for answer in answers:
         del answer["seconds"]
     assert answers[0] == answers[1]
+
+
+def test_progress_that_is_piped_is_written_in_whole_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    written: list[str] = []
+    monkeypatch.setattr(sys, "stderr", SimpleNamespace(write=written.append, flush=lambda: None, isatty=lambda: False))
+    with commands._stages() as say:
+        for stage in ("reading", "simulating", "re-fitting"):
+            say(stage)
+    assert [len(said.splitlines()) for said in written] == [1, 1, 1]
+    assert all(said.endswith("\n") for said in written)
 
 
 def test_a_baseline_that_does_not_exist_is_refused() -> None:

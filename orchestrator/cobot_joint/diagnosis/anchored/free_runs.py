@@ -21,12 +21,14 @@ def in_free_runs(problem: Problem, found: Diagnosis, search: Search, refit: Fit,
     """Before and after as the fit that leaves less of free runs has them: along the recorded motion, or free.
 
     One that was fitted along the recorded motion may lose free runs: a repair that beats a worse re-fit has shown
-    nothing, and where nothing has a name, nothing is repaired. units: parameter -> unit of measure.
+    nothing, and where nothing has a name, nothing is repaired; it is called a background only as long as it is small.
+    units: parameter -> unit of measure.
     """
     if _left(problem, found.parameters("calibrated"), {}) >= refit.chi2:
         found.calibrated = refit.estimates(units, problem.stretches(refit.residual))
     if not found.findings:
         found.repaired = dict(found.calibrated)
+        found.verdict = "undecided" if problem.stands_out(refit.residual) else "nothing_missing"
         return found
     onsets = {n.candidate.term.amplitude: n.candidate.onset for n in search.named if n.candidate.onset is not None}
     free = _freely(problem, search, refit)

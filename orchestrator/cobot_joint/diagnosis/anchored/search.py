@@ -42,8 +42,9 @@ PROBED = 0.3  # of the noise, that a run is moved by where a term's answer is ta
 class Named:
     """A term that is on.
 
-    next_best: evidence of the best term that could not be called alike. in_all: log likelihood that it adds to all
-    recordings, followed again with it; predicted: to parts of them that it was not fitted to.
+    next_best: evidence of the best term that could not be called alike; if it is more, that one did not predict, and
+    the name is no claim. in_all: log likelihood that it adds to all recordings, followed again with it; predicted: to
+    parts of them that it was not fitted to.
     """
 
     candidate: Candidate
@@ -69,7 +70,7 @@ def confidence(named: Named) -> float:
     share = max(named.next_best, 0.0) / max(named.evidence, 1.0)
     proven = max(min(named.evidence, named.predicted), 1.0)
     score = INTERCEPT + COEFFICIENT * math.log10(proven) + NEXT_BEST * share
-    return round(min(1 / (1 + math.exp(-score)), MOST), 3)
+    return round(min(1 / (1 + math.exp(-score)), MOST if share < 1 else thresholds.WITHHELD), 3)
 
 
 @dataclass
@@ -239,13 +240,13 @@ class Searcher:
             outside = best.term.name in self.bounds
             predicted = self._outside_predicts(found, at, best.term.name) if outside else at.predicted(best)
             if predicted.worth > 0:
-                likely.append(self._named(at, best, ranked[n + 1 :], predicted))
+                likely.append(self._named(at, best, [*ranked[:n], *ranked[n + 1 :]], predicted))
         return likely
 
     def _named(self, at: Beside, best: Candidate, others: Sequence[Candidate], predicted: Predicted) -> Named:
         close = best.evidence - max(thresholds.ANCHORED_ALIKE, thresholds.ANCHORED_ALIKE_SHARE * best.evidence)
-        alike = [c.term.name for c in others if c.evidence > close]
-        next_best = max((c.evidence for c in others if c.evidence <= close), default=0.0)
+        alike = [c.term.name for c in others if best.evidence >= c.evidence > close]
+        next_best = max((c.evidence for c in others if c.term.name not in alike), default=0.0)
         return Named(best, tuple(alike), next_best, predicted.worth, _where(at, predicted.blocks))
 
     def _by_runs(self, found: Search, at: Beside, term: TermCandidate) -> Candidate | None:

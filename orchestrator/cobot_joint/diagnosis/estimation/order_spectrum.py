@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import detrend
 
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
@@ -33,17 +34,29 @@ def order_spectrum(
         return power, windows
     width = _width([signals[k][angle] for k in {b.recording for b in blocks}])
     taper = np.hanning(width) / np.sqrt(np.mean(np.hanning(width) ** 2))  # else slow structure leaks into low orders
-    for block in blocks:
-        samples = (block.rows.stop - block.rows.start) // width * width
-        phi = signals[block.recording][angle][:samples].reshape(-1, width)
-        r = detrend(residual[block.rows][:samples].reshape(-1, width), axis=1) * taper if samples else phi
+    for number in dict.fromkeys(b.recording for b in blocks):
+        rows = [b.rows for b in blocks if b.recording == number]
+        samples = len(signals[number][angle]) // width * width
+        phi = signals[number][angle][:samples].reshape(-1, width)
+        r = np.stack([residual[of_one][:samples].reshape(-1, width) for of_one in rows])
+        r = detrend(r, axis=2) * taper if samples else r
         turned, fastest = np.ptp(phi, axis=1), np.abs(np.diff(phi, axis=1)).max(axis=1, initial=0.0)
-        for k, order in enumerate(n):
-            seen = (turned * order > PERIODS * 2 * np.pi) & (fastest * order < 0.8 * np.pi)
-            wave = np.sum(r[seen] * np.exp(-1j * order * phi[seen]), axis=1)
-            power[k] += float(np.sum(np.abs(wave) ** 2 / width - 1))
-            windows[k] += np.count_nonzero(seen)
+        for k, wave in enumerate(_waves(phi, n)):
+            seen = (turned * n[k] > PERIODS * 2 * np.pi) & (fastest * n[k] < 0.8 * np.pi)
+            projected = np.einsum("cwi,wi->cw", r[:, seen], wave[seen])
+            power[k] += float(np.sum(np.abs(projected) ** 2 / width - 1))
+            windows[k] += len(rows) * np.count_nonzero(seen)
     return power, windows
+
+
+def _waves(phi: Vector, orders: Vector) -> Iterator[NDArray[np.complex128]]:
+    """exp(-j n phi) for each order n; of whole orders one after the other a product of the last: as phi"""
+    last, turn = 0.0, np.exp(-1j * phi)
+    wave = np.ones_like(turn)
+    for order in orders:
+        wave = wave * turn if order == last + 1 else np.exp(-1j * order * phi)
+        last = order
+        yield wave
 
 
 def _width(angles: Sequence[Vector]) -> int:

@@ -318,6 +318,10 @@ class Problem:
             return True
         return left > thresholds.LEFT_SIGMA * self.excess_scatter
 
+    def stands_out(self, residual: Vector) -> bool:
+        """Whether what is left is, rms, so far above the noise that anyone would see it."""
+        return self.excess(residual) > thresholds.LEFT_SIGMA**2 * self.samples
+
     def stretches(self, residual: Vector) -> NDArray[np.intp] | None:
         """Of every row the number of its stretch, a `STRETCHES`th of a recording, all channels together: (rows,)
 

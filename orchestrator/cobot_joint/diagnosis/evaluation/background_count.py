@@ -25,7 +25,7 @@ from joblib import Parallel, delayed
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.engine import identify
 from cobot_joint.diagnosis.evaluation.backgrounds import FieldConcealer, FieldDrawn
-from cobot_joint.diagnosis.evaluation.score import rate
+from cobot_joint.diagnosis.evaluation.score import OUT_OF_TOLERANCE, rate
 from cobot_joint.diagnosis.evaluation.synthetic import Concealer
 from cobot_joint.diagnosis.findings import Diagnosis
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
@@ -96,18 +96,22 @@ def _concealed(machine: FieldDrawn) -> list[tuple[set[str], Row]]:
     """Per effect, names that are accepted for it, and what it is. over: its size over the background's."""
     samples = sum(int(np.isfinite(y).sum()) for r in machine.drawn.campaign.recordings for y in r.outputs.values())
     background = machine.background * float(np.sqrt(samples))
-    listed = [
-        (
-            {_name(c.active.term.name)},
-            {"term": c.active.term.name, "onset": c.active.onset, "over": c.size / background},
-        )
-        for c in machine.drawn.effects
+    listed = [(c.active.term.name, c.active.onset, c.size) for c in machine.drawn.effects]
+    listed += [(m.name, None, m.size) for m in machine.misstated]
+    found: list[tuple[set[str], Row]] = [
+        (_same(_name(term)), {"term": term, "onset": onset, "over": size / background}) for term, onset, size in listed
     ]
     names = [[f"{component}.unlisted" for component in u.components] for u in machine.unlisted]
-    return listed + [
+    return found + [
         (set(own), {"term": own[0], "onset": None, "over": u.size / background})
         for own, u in zip(names, machine.unlisted, strict=True)
     ]
+
+
+def _same(name: str) -> set[str]:
+    """Names of the same physics: a gap that is too wide is a backlash, and either may be concealed."""
+    pairs = [{term, *map(_name, parameters)} for term, parameters in OUT_OF_TOLERANCE.items()]
+    return {name}.union(*(pair for pair in pairs if name in pair))
 
 
 def _name(term: str) -> str:

@@ -2,7 +2,7 @@
 
 Of every machine: friction that waves over speed and torques over an angle at the motor and at the brake, drifts of
 friction, supply and torque reading. Kernels, orders and sizes are drawn; none of it is a listed term. What is concealed
-in them is a listed term, or a torque that is on no list.
+in them is a listed term, a torque that is on no list, or a data sheet's value that is wrong.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from scipy.signal import lfilter
 
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.problem import Run
+from cobot_joint.diagnosis.evaluation.misstated import Misstated, misstate
 from cobot_joint.diagnosis.evaluation.synthetic import (
     Bench,
     Concealed,
@@ -36,6 +37,7 @@ ROUNDS = 4  # of simulating with what depends on the motion that it changes
 RISE = 0.05  # s in which it begins
 CLOSE = 0.2  # share to which a background has the size drawn, and an effect that is on no list
 UNLISTED = 0.2  # of the effects are on no list
+MISSTATED = 0.2  # of the others are values outside their tolerances
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,7 @@ class FieldDrawn:
     drawn: Drawn
     background: float
     unlisted: tuple[Unlisted, ...]
+    misstated: tuple[Misstated, ...] = ()
 
 
 SIGNALS = (f"{MOTOR}.w", f"{MOTOR}.phi", f"{BRAKE}.w_b", f"{BRAKE}.phi_b")
@@ -139,16 +142,24 @@ class FieldConcealer:
         background, size = self._sized(bench, family(rng), _between(LEVELS, rng) * samples)
         over = _between(OVER, rng) * size
         listed = effects - int(rng.binomial(effects, UNLISTED))
+        misstated = self._misstated(bench, listed, over, rng.spawn(1)[0])
+        listed -= len(misstated)
         concealed = self._as_large(bench, listed, over, rng)
         parts, unlisted = list(background), []
-        for _ in range(effects - listed):
+        for _ in range(effects - listed - len(misstated)):
             components, part = off_the_list(rng)
             sized, reached = self._sized(bench, [part], over)
             parts += sized
             unlisted.append(Unlisted(components, reached))
-        run = with_effects(bench.healthy.run, [c.active for c in concealed])
+        run = bench.healthy.run.with_values({m.name: m.value for m in misstated})
+        run = with_effects(run, [c.active for c in concealed])
         drawn = bench.recorded(self._outputs(bench, parts, run, ROUNDS), concealed, rng)
-        return FieldDrawn(drawn, size / samples, tuple(unlisted))
+        return FieldDrawn(drawn, size / samples, tuple(unlisted), tuple(misstated))
+
+    def _misstated(self, bench: Bench, effects: int, wanted: float, rng: Rng) -> list[Misstated]:
+        """At most one of so many effects."""
+        found = misstate(bench, wanted, rng) if rng.random() < 1 - (1 - MISSTATED) ** effects else None
+        return [found] if found else []
 
     def _as_large(self, bench: Bench, effects: int, wanted: float, rng: Rng) -> tuple[Concealed, ...]:
         """Effects of about that root of chi-square: others are drawn where one cannot be so large."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -16,7 +16,7 @@ from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit, fit_added, fit_on
 from cobot_joint.diagnosis.estimation.multiscale import out_of_local_minimum
-from cobot_joint.diagnosis.estimation.problem import Problem
+from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 
 FITTED = 4  # candidates of a ranking that are fitted with everything else free
 SIZES = (0.3, 1.0, 3.0, 10.0)  # multiples of the score test's amplitude that a fit may start from
@@ -44,18 +44,26 @@ class Competition:
     def fits(self, best: Fit, ranked: Sequence[Score], least: float) -> dict[str, Fit]:
         """Those whose predicted gain is `least` (chi-square) fitted roughly, then those near the best one finished.
 
-        By term, the lowest cost first; none that is no better than `best`.
+        By term, the lowest cost first; none that is no better than `best`. Where the leading ones leave what stands
+        out, sensitivities mislead: others are tried that do well as they are.
         """
         above = max(best.chi2 - self.problem.samples, 0.0)
         top = max((s.gain for s in ranked), default=0.0)
-        worth = [s for s in ranked if s.gain > max(least, thresholds.WORTH_FITTING * top)][: 2 * FITTED]
+        worth = max(least, thresholds.WORTH_FITTING * top)
         first = not best.hypothesis.effects
         fits: dict[str, Fit] = {}
         enough = -np.inf  # predicted gain from which on a candidate is tried
-        for score in [s for k, s in enumerate(worth) if k < FITTED or (first and s.gain > thresholds.ABREAST * top)]:
+        for k, score in enumerate([s for s in ranked if s.gain > least][: 2 * FITTED]):
             if score.gain < enough:
                 break
-            found = self.with_best_onset(best, score.active, min((f.cost for f in fits.values()), default=np.inf))
+            lowest = min(fits.values(), key=attrgetter("cost"), default=best)
+            leads = score.gain > worth and (k < FITTED or (first and score.gain > thresholds.ABREAST * top))
+            if not leads and not self.problem.stands_out(lowest.residual):
+                continue
+            active, cost = self.sized(best, score.active)
+            if not leads and _is_hopeless(best, cost, lowest.cost):
+                continue
+            found = self.with_best_onset(best, active, lowest.cost if fits else np.inf)
             if found is None or found.cost >= best.cost:
                 continue
             fits[score.term.name] = found
@@ -85,12 +93,11 @@ class Competition:
         return out_of_local_minimum(self.problem, ended, finished(jacobians)) if jacobians else ended
 
     def with_best_onset(self, best: Fit, active: ActiveTerm, lowest: float = np.inf) -> Fit | None:
-        """The term from the start, and, where the score test says so, from later on: the better fit of both.
+        """A term that was sized from the start, and, where it sets in later, from then on: the better fit of both.
 
         lowest: cost of another term's fit; where this one comes nowhere near it, or takes little of what is above
         noise, its onset need not be exact.
         """
-        active = self.sized(best, active)
         found = fit_added(self.problem, best, [replace(active, onset=None)], ROUGH)
         if not active.term.episode:
             if active.onset is None or (found is not None and self.problem.excess(found.residual) < self._hardly_left):
@@ -99,29 +106,47 @@ class Competition:
             if later is None or (found is not None and found.cost <= later.cost):
                 return found
             found = later
-        if found is None or found.cost - lowest > thresholds.HOPELESS * (best.cost - lowest):
+        if found is None or _is_hopeless(best, found.cost, lowest):
             return found
         little = best.cost - found.cost < thresholds.WORTH_FITTING * (best.chi2 - self.problem.samples)
         return found if little and not active.term.episode else self.with_onset(found)
 
     def setting_in(self, best: Fit, ranked: Sequence[Score], onset: float) -> Fit | None:
         """The best of the first few beside `best`, each off until about `onset`. None: none can be simulated."""
-        at_once = [self.sized(best, replace(score.active, onset=onset)) for score in ranked[:FITTED]]
+        at_once = [self.sized(best, replace(score.active, onset=onset))[0] for score in ranked[:FITTED]]
         fits = [found for active in at_once if (found := fit_added(self.problem, best, [active], ROUGH)) is not None]
         lowest = min(fits, key=attrgetter("cost"), default=None)
         return self.finished(self.with_onset(lowest)) if lowest is not None else None
 
-    def sized(self, best: Fit, active: ActiveTerm) -> ActiveTerm:
-        """The term at that multiple of the score test's amplitude which fits best as it is.
+    def sized(self, best: Fit, active: ActiveTerm) -> tuple[ActiveTerm, float]:
+        """(the term at that multiple of the score test's amplitude, and from that time on, which fit best, chi-square).
 
-        Sensitivities at zero mislead far from it.
+        All else as it is. Sensitivities at zero mislead far from it. A run with a term that sets in later is taken for
+        the one without it until then, and from then on for the one with it.
         """
         tried = [scaled(active, k) for k in SIZES]
         at = best.settled()
         runs = [at.hypothesis.with_effects(a).run(np.concatenate([at.x, a.start()])) for a in tried]
-        found = self.problem.simulate(runs)
-        costs = [np.inf if f is None else float(np.sum((self.problem.recorded - f.white) ** 2)) for f in found]
-        return tried[int(np.argmin(costs))]
+        found = [None if f is None else self.problem.recorded - f.white for f in self.problem.simulate(runs)]
+        costs = [np.inf if rest is None else float(rest @ rest) for rest in found]
+        lowest = int(np.argmin(costs))
+        if not self.problem.onsets or active.term.episode or active.onset is not None:
+            return tried[lowest], costs[lowest]
+        without = self.problem.recorded - at.simulated.white
+        late = [(*self._best_onset(without, rest), a) for rest, a in zip(found, tried, strict=True) if rest is not None]
+        cost, onset, later = min(late, key=itemgetter(0), default=(np.inf, 0.0, active))
+        least = max(thresholds.LATER, thresholds.WORTH * (cost - self.problem.samples))
+        return (replace(later, onset=onset), cost) if cost + least < costs[lowest] else (tried[lowest], costs[lowest])
+
+    def _best_onset(self, without: Vector, with_it: Vector) -> tuple[float, float]:
+        """(chi-square, onset) of the best of the borders between segments. Both: residuals."""
+        time = self.problem.times()
+        onsets = float(time.max()) / SEGMENTS * np.arange(1, SEGMENTS - 1)
+        order = np.argsort(time, kind="stable")
+        gains = np.concatenate([[0.0], np.cumsum((without**2 - with_it**2)[order])])
+        after = gains[-1] - gains[np.searchsorted(time[order], onsets)]
+        best = int(np.argmax(after))
+        return float(without @ without - after[best]), float(onsets[best])
 
     def with_onset(self, found: Fit, k: int = -1) -> Fit:
         """Term k's onset, or where it has these its beginning and length, refined with all else as it is.
@@ -177,6 +202,11 @@ class Competition:
             rest = self.problem.recorded - simulated.white
             fits.append(Fit(hypothesis, at.x, float(rest @ rest), rest, simulated, at.jacobian, 0))
         return fits
+
+
+def _is_hopeless(best: Fit, cost: float, lowest: float) -> bool:
+    """Whether a candidate takes so little of what the best one takes that it will not win."""
+    return cost - lowest > thresholds.HOPELESS * (best.cost - lowest)
 
 
 def scaled(active: ActiveTerm, k: float) -> ActiveTerm:

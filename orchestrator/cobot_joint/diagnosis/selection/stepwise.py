@@ -200,13 +200,22 @@ class Selector:
         return ranked, found, None
 
     def _is_background(self, best: Fit, ranked: Sequence[Score]) -> bool:
-        """Whether no later term is predicted to take what it must: fits would be rejected as patches."""
+        """Whether no later term is predicted to take what it must: fits would be rejected as patches.
+
+        Of what stands out, sensitivities predict too little: there a fit is tried.
+        """
         above = best.chi2 - self.problem.samples
         gain = max((s.gain for s in ranked), default=0.0)
-        if gain >= (thresholds.LEAST if self._may_predict(best) else thresholds.HOLDS) * above:
+        if gain >= self._must_promise(best) * above:
             return False
         self.progress(f"the best further term is predicted to take {share(gain, above)} of what is left: a background")
         return True
+
+    def _must_promise(self, best: Fit) -> float:
+        """Share of what is left that a later term must be predicted to take, for a fit to be tried."""
+        if self._may_predict(best):
+            return thresholds.LEAST
+        return thresholds.WORTH_FITTING if self.problem.stands_out(best.residual) else thresholds.HOLDS
 
     def setting_in(self, best: Fit, onset: float) -> Fit | None:
         """The best listed term that is off until about then, beside a fit. None: none can be simulated."""

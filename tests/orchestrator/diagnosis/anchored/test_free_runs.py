@@ -19,12 +19,13 @@ def estimates(value: float) -> dict[str, Estimate]:
     return {"a.b": Estimate(value, "1", (value, value))}
 
 
-def problem(left_along: float) -> Any:
+def problem(left_along: float, stands_out: bool = False) -> Any:
     """Free runs leave so much with what was found along the recorded motion, squared."""
     return SimpleNamespace(
         recorded=np.array([left_along, 0.0]),
         simulate=lambda runs: [SimpleNamespace(white=np.zeros(2))],
         stretches=lambda residual: None,
+        stands_out=lambda residual: stands_out,
         plant=SimpleNamespace(parameters={}, terms=()),
     )
 
@@ -50,6 +51,13 @@ def test_where_nothing_has_a_name_nothing_is_repaired() -> None:
     predicted the held-out run 4.6 and 1.05 times worse"""
     after = free_runs.in_free_runs(problem(3.0), found(), Search(), refit(4.0), {})
     assert after.repaired == after.calibrated
+
+
+@pytest.mark.parametrize(("stands_out", "verdict"), [(False, "nothing_missing"), (True, "undecided")])
+def test_what_stands_out_and_has_no_name_is_not_called_nothing(stands_out: bool, verdict: str) -> None:
+    """A drawn machine whose base model was eleven times the noise off was told that nothing is worth a name"""
+    after = free_runs.in_free_runs(problem(3.0, stands_out), found(), Search(), refit(4.0), {})
+    assert after.verdict == verdict
 
 
 @pytest.mark.parametrize(("left_free", "kept"), [(8.0, FREE), (10.0, REPAIRED)])

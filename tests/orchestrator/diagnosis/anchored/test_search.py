@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.beside import Predicted
-from cobot_joint.diagnosis.anchored.search import Search, Searcher
+from cobot_joint.diagnosis.anchored.search import Named, Search, Searcher, confidence
 from cobot_joint.diagnosis.anchored.tracks import Tracker
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
@@ -50,6 +53,13 @@ def searcher(recording: Recording) -> Iterator[Searcher]:
 def search(values: Mapping[str, float]) -> Search:
     with searcher(recorded(run(values, background(values), seconds=SECONDS))) as found:
         return found.search({})
+
+
+@pytest.mark.parametrize(("rival", "claimed"), [(500.0, True), (2571.0, False)])
+def test_a_name_whose_rival_has_more_evidence_and_does_not_predict_is_no_claim(rival: float, claimed: bool) -> None:
+    """A drawn torque ripple failed in one of two recordings, and cogging with a third of its evidence was 97 % sure"""
+    candidate: Any = SimpleNamespace(evidence=890.0)
+    assert (confidence(Named(candidate, (), rival, 474.0, {})) >= thresholds.EVEN) == claimed
 
 
 def test_a_background_alone_is_given_no_name() -> None:

@@ -41,6 +41,21 @@ def test_backgrounds_and_effects_have_the_sizes_drawn_and_are_drawn_again_alike(
             np.testing.assert_array_equal(y, b.outputs[channel])
 
 
+def test_a_data_sheet_is_wrong_by_as_much_as_an_effect_would_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(backgrounds, "MISSTATED", 1.0)
+    monkeypatch.setattr(backgrounds, "UNLISTED", 0.0)
+    machine = drawn(3, 1)
+    (wrong,) = machine.misstated
+    campaign = machine.drawn.campaign
+    with FmuPlant(campaign.systems()) as plant:
+        low, high = campaign.tolerances[wrong.name].bounds(plant.parameters[wrong.name].nominal)
+    assert not low <= wrong.value <= high
+    samples = sum(y.size for r in campaign.recordings for y in r.outputs.values())
+    assert OVER[0] * 0.5 < wrong.size / (machine.background * np.sqrt(samples)) < OVER[1] * 2
+    assert not machine.drawn.effects
+    assert [f["true"] for f in judge(machine, said(wrong.name))["findings"]] == [True]
+
+
 @pytest.fixture
 def machine(monkeypatch: pytest.MonkeyPatch) -> FieldDrawn:
     monkeypatch.setattr(backgrounds, "UNLISTED", 0.0)

@@ -41,13 +41,20 @@ def test_of_candidates_the_one_that_fits_best_comes_first_and_none_that_does_not
     assert all(cost < base.cost for cost in costs)
 
 
-def test_an_amplitude_that_a_fit_may_start_from_is_the_multiple_that_fits_best_as_it_is() -> None:
-    problem, _ = refitted(campaign(TRUE))
+@pytest.mark.parametrize("onset", [None, 3.1])
+def test_a_fit_may_start_from_the_multiple_of_an_amplitude_and_the_onset_that_fit_best_as_they_are(
+    onset: float | None,
+) -> None:
+    """A delay of 69 ms that set in was looked for from the start on, where its sensitivity at zero pointed to."""
+    problem, _ = refitted(campaign(TRUE, onsets={} if onset is None else {"axis.cogging.A": onset}))
     bounds = {name: (value, value * (1 + 1e-9)) for name, value in NOMINAL.items()}  # all else is known
     known = fit(problem, Hypothesis(tolerances(problem, bounds)))
     assert known is not None
     third = ActiveTerm(COGGING, TRUE | {"axis.cogging.A": 2e-3})
-    assert Competition(problem).sized(known, third).values["axis.cogging.A"] == pytest.approx(6e-3)
+    sized, chi2 = Competition(problem).sized(known, third)
+    assert sized.values["axis.cogging.A"] == pytest.approx(6e-3)
+    assert sized.onset == (onset and pytest.approx(onset, abs=0.2))  # within half a segment
+    assert chi2 < known.chi2 / 2
 
 
 def test_a_term_that_a_later_one_made_needless_goes() -> None:
@@ -80,6 +87,19 @@ def test_a_further_term_is_fitted_only_where_one_is_predicted_to_take_much_of_wh
     monkeypatch.setattr(Competition, "fits", lambda self, best, ranked, least: fitted.append(best) or {})
     Selector(problem, Scan(problem, TERMS), lambda words: None).search([base, first])
     assert bool(fitted) == bool(second)
+
+
+def test_where_what_is_left_stands_out_terms_are_tried_that_sensitivities_do_not_point_to(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Torque saturation, eight times a background, was predicted to take 36 % of what another term had left."""
+    problem, base = refitted(campaign(TRUE))
+    ranked = scores(problem, base, Scan(problem, TERMS).columns(base))
+    assert ranked[0].term is COGGING
+    weak = [*ranked[1:], replace(ranked[0], gain=ranked[1].gain / 100)]
+    for stands_out in (True, False):
+        monkeypatch.setattr(Problem, "stands_out", lambda self, residual, found=stands_out: found)
+        assert ("axis.cogging" in Competition(problem).fits(base, weak, 10.0)) == stands_out
 
 
 def test_terms_that_explain_less_than_what_stays_unexplained_are_pruned() -> None:

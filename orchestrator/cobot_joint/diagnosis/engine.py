@@ -231,7 +231,7 @@ def _beyond_the_list(
     follows, given = can_follow(campaign, problem.plant), motion_is_given(campaign)
     takes_most, much = _takes_most(problem, listed), _much_is_left(problem, listed)
     background = takes_most or follows
-    least = max(thresholds.ALONE, 1 - left / max(before, 1e-9)) if background else 0.0
+    least = max(thresholds.ALONE, 0.0 if listed.imitates else 1 - left / max(before, 1e-9)) if background else 0.0
     spend = problem.budget.spend
     formula = partial(look_for_unmodelled, problem, calibrated, listed, say, least)
     unmodelled = spend("formulas", formula) if much else None
@@ -271,7 +271,7 @@ def _followed(campaign: Campaign, problem: Problem, listed: Selection, say: Prog
 def _much_is_left(problem: Problem, listed: Selection) -> bool:
     """Whether listed terms leave more than noise does: several hardly do, unless together they imitate something."""
     left = listed.fit.residual
-    several = len(listed.selected) > 1 and problem.unexplained(left)
+    several = len(listed.selected) > 1 and (listed.imitates or problem.unexplained(left))
     return several or problem.excess(left) > thresholds.CLEARLY_LEFT * problem.excess_scatter
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,11 +80,21 @@ class Fit:
             if c.kind == "cos":
                 interval, phase = _polar(c, self.x[k : k + 2], covariance[k : k + 2, k : k + 2])
                 found[c.names[1]] = Estimate(values[c.names[1]], "rad", phase)
-            at = "lower" if self.x[k] <= c.lower + AT_BOUND else "upper" if self.x[k] >= c.upper - AT_BOUND else None
-            found[name] = Estimate(values[name], units.get(name, "1"), interval, at)  # type: ignore[arg-type]
+            found[name] = Estimate(values[name], units.get(name, "1"), interval, self._at(k))
         for name, value in values.items():
             found.setdefault(name, Estimate(value, units.get(name, "1"), (value, value)))
         return found
+
+    @property
+    def units_at_bounds(self) -> set[str]:
+        """Components whose terms have a value that ends at what it may be."""
+        coordinates = enumerate(self.hypothesis.coordinates)
+        return {c.component for k, c in coordinates if c.kind != "base" and self._at(k)}
+
+    def _at(self, k: int) -> Literal["lower", "upper"] | None:
+        """The bound at which coordinate k is."""
+        c = self.hypothesis.coordinates[k]
+        return "lower" if self.x[k] <= c.lower + AT_BOUND else "upper" if self.x[k] >= c.upper - AT_BOUND else None
 
 
 def marginal_covariance(jacobian: Vector, prior: Vector) -> Vector:

@@ -69,6 +69,12 @@ class Selection:
         average = 1 - min(left / before, 1.0) ** (1 / max(len(self.selected), 1))
         return {s.term: min(s.gain / (s.gain + left), average) for s in self.selected}
 
+    @property
+    def imitates(self) -> bool:
+        """Whether several terms of one unit are on and one ends at what it may be: together they may be another."""
+        units = [active.component for active in self.fit.hypothesis.terms]
+        return any(units.count(unit) > 1 for unit in self.fit.units_at_bounds)
+
     def up_to(self, count: int) -> Selection:
         """With the first terms only."""
         return replace(self, history=self.history[: count + 1], selected=self.selected[:count])
@@ -268,15 +274,17 @@ class Selector:
         return found if found is not None and found.cost < best.cost else best
 
     def with_onsets(self, best: Fit) -> Fit:
-        """With the onsets of several terms looked at once more: those before the last were found while it was off."""
+        """With onsets looked at once more: those of several terms were found while the last was off, and one that was
+        refined before the term had its place and size may have ended beside it."""
         late = [k for k, active in enumerate(best.hypothesis.terms) if active.onset is not None]
-        for _ in range(PASSES if late and len(best.hypothesis.terms) > 1 else 0):
+        several = len(best.hypothesis.terms) > 1
+        for _ in range(PASSES if late else 0):
             before = best.cost
             for k in late:
                 if best.hypothesis.terms[k].onset is None or not self.problem.unexplained(best.residual):
                     continue
                 best = min(best, self.competition.with_onset(best, k), key=attrgetter("cost"))
-                always = self.competition.from_start(best, k)
+                always = self.competition.from_start(best, k) if several else None
                 best = always if always is not None and always.cost < best.cost + thresholds.ALIKE else best
             if before - best.cost < self.problem.evidence:
                 break

@@ -90,7 +90,8 @@ def look_for_unmodelled(
     terms = len(listed.selected)
     explained = terms == 1 and left < thresholds.REMAINDER * before
     little = left < thresholds.CLEARLY_LEFT * problem.excess_scatter
-    if explained or (little and (terms < 2 or not problem.unexplained(listed.fit.residual))):
+    stands = terms < 2 or not (listed.imitates or problem.unexplained(listed.fit.residual))
+    if explained or (little and stands):
         return None
     say("looking for an effect that is on no list, port by port")
     alone = _look(problem, calibrated, [], say, least)
@@ -162,9 +163,10 @@ def _look(problem: Problem, start: Fit, selected: list[Selected], say: Say, leas
 
 
 def _settled(problem: Problem, start: Fit, places: Sequence[Place], found: Unmodelled | None) -> bool:
-    """Whether a few forms are enough: by what the best of them leaves, or by what the Jacobian expects of it."""
-    if found is not None and problem.excess(found.fit.residual) < thresholds.CLEARLY_LEFT * problem.excess_scatter:
-        return True
+    """Whether a few forms are enough: by what the best of them leaves; by what the Jacobian expects if it cannot be
+    fitted."""
+    if found is not None:
+        return found.taken > thresholds.ENOUGH or not problem.unexplained(found.fit.residual)
     enough = thresholds.ENOUGH * max(problem.excess(start.residual), 1e-9)
     return any(p.choice is not None and p.choice.gain > enough for p in places)
 

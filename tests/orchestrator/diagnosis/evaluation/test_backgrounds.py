@@ -119,3 +119,13 @@ def test_a_drag_on_no_list_is_not_called_a_data_sheet_that_is_wrong(number: int,
     (effect,) = row["effects"]
     assert effect["term"] == f"{component}.unlisted"
     assert [f["term"] for f in row["findings"]] == [f"{component}.unlisted"]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("seed", "number"), [(31, 44), (53, 21)], ids=["a delay of 69 ms", "two large effects"])
+def test_what_is_much_larger_than_a_background_is_named(seed: int, number: int) -> None:
+    """The delay sets in at 3.4 s, and its sensitivity at zero says nothing of it: "nothing is worth a name" """
+    row = counted(Draws(PATTERN.parents[1] / "case04" / "campaign.toml", 8.0, seed), number)
+    assert row["effects"]
+    assert all(e["named"] for e in row["effects"])
+    assert all(f["true"] and f["confidence"] > 0.9 for f in row["findings"])

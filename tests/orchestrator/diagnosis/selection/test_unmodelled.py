@@ -11,9 +11,10 @@ import pytest
 from cobot_joint.cosim import Experiment, Simulation
 from cobot_joint.diagnosis.candidates.formulas import Dictionary
 from cobot_joint.diagnosis.data.campaign import Campaign, load_campaign
-from cobot_joint.diagnosis.engine import diagnose_plant
+from cobot_joint.diagnosis.engine import diagnose_plant, identify
 from cobot_joint.diagnosis.estimation.calibrate import calibrate
 from cobot_joint.diagnosis.estimation.problem import Vector
+from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.repair.repair import repair
 from cobot_joint.diagnosis.selection.stepwise import Selection
 from cobot_joint.diagnosis.selection.unmodelled import look_for_unmodelled
@@ -163,3 +164,13 @@ def test_the_system_repaired_from_a_table_in_the_diagnosis_is_that_with_the_form
             inputs = Inputs(time, {"v_command": 6 * np.sin(6 * time), "i_brake": np.full(1001, 0.1)})
             tau[name] = simulation.run(Experiment(inputs, 1.0, scheme="adaptive")).signals["tau_sensor"]
     assert np.max(np.abs(tau["table"] - tau["formula"])) < 0.02 * np.max(np.abs(tau["formula"]))
+
+
+@pytest.mark.long
+def test_two_terms_one_of_which_ends_at_its_bound_are_held_against_a_formula() -> None:
+    """Eddy currents were friction that saturates, all of it, and windage: together they leave what noise does"""
+    with FmuPlant((case := load_campaign(OPEN.parent / "sealed/case18", roles=("train",))).systems()) as plant:
+        (finding,) = identify(case, plant).findings
+    assert (finding.term, finding.equivalent) == ("motor_bldc.unlisted", ("planetary_gear.unlisted",))
+    assert finding.shape is not None
+    assert "eddy(w/" in finding.shape.formula

@@ -1,7 +1,8 @@
 """The figures on which the real recordings are judged: python proof/real/judge.py, after cobot-joint prove proof/real.
 
-Every figure is computed from verify.parquet (recorded signals beside those that the co-simulated units gave on held-out
-runs) or, for the frequency response, from diagnosis.json. A case that has not been proved is skipped with a word.
+A folder may follow that holds other results, by case (diagnose --out FOLDER/CASE, then verify). Every figure is computed
+from verify.parquet (recorded signals beside those that the co-simulated units gave on held-out runs) or, for the
+frequency response, from diagnosis.json. A case that has not been proved is skipped with a word.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 HERE = Path(__file__).parent
+RESULTS = Path(sys.argv[1]) if len(sys.argv) > 1 else HERE
 VARIANTS = ("nominal", "calibrated", "repaired")
 TRAINED_CURRENT = 7.9  # A, the largest in the first half of system_id_test_2
 Vector = NDArray[np.float64]
@@ -25,7 +27,7 @@ Figures = dict[str, float]  # variant -> value
 
 def signals(case: str) -> tuple[NDArray[Any], dict[str, Vector]]:
     """verify.parquet: the recording's name per row, and `channel.variant` -> (n,), units left out."""
-    table = pq.read_table(HERE / case / "verify.parquet")
+    table = pq.read_table(RESULTS / case / "verify.parquet")
     columns = {name.split(" [")[0]: table[name].to_numpy() for name in table.column_names if name != "recording"}
     return np.array(table["recording"].to_pylist()), columns
 
@@ -37,7 +39,7 @@ def rms(x: Vector) -> float:
 
 def thesis_table_c1(case: str) -> Iterator[tuple[str, Figures, float]]:
     """rms of ln(simulated/measured) per reading of the experiment; the best one is judged."""
-    readings = json.loads((HERE / case / "diagnosis.json").read_text())["readings"]
+    readings = json.loads((RESULTS / case / "diagnosis.json").read_text())["readings"]
     best = min(readings, key=lambda r: r["repaired"])
     for r in readings:
         yield f"rms log error, {r['name']}", {v: r[v] for v in VARIANTS}, 0.02 if r is best else np.nan
@@ -91,7 +93,7 @@ def main() -> int:
     print(f"{'case':16} {'figure':62} {'nominal':>10} {'calibrated':>10} {'repaired':>10} {'to reach':>9}")
     for judge in CASES:
         case = judge.__name__
-        if not (HERE / case / "diagnosis.json").is_file():
+        if not (RESULTS / case / "diagnosis.json").is_file():
             print(f"{case:16} not proved yet: cobot-joint prove proof/real")
             continue
         for figure, values, reach in judge(case):

@@ -146,7 +146,6 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     if only:
         return _selected(campaign, problem, calibrated, scan, say, store)
     say("asking the channels for gains, offsets and delays")
-
     asked = partial(store.remember, "misread", _basis(campaign), lambda: _misread(problem, calibrated))
     misread = problem.budget.spend("gains, offsets and delays of channels", asked)
     if misread and misread.explains(problem) and not misread.rivalled(problem, calibrated, scan):
@@ -155,7 +154,8 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     if misread and misread.beats(problem, found.fit):
         return Explanation(found.calibrated, found.calibrated, found.selection.up_to(0), [], misread=misread)
     is_formula = found.unmodelled is not None and found.unmodelled.is_formula
-    if (found.unmodelled and not is_formula) or found.anchored or (found.background and not found.selected):
+    along = found.anchored and not problem.stands_out(found.calibrated.residual)
+    if (found.unmodelled and not is_formula) or along or (found.background and not found.selected):
         return found
     select = Selector(problem, scan, say).select
     listed = (found.selection.fit, found.selection.selected) if is_formula else (found.fit, found.selected)

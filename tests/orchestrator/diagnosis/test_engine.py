@@ -239,7 +239,7 @@ def test_where_terms_leave_more_than_noise_and_the_motion_gives_none_a_name_a_ba
     monkeypatch.setattr(engine, "can_follow", lambda campaign, plant: True)
     monkeypatch.setattr(engine, "follow", lambda campaign, plant, say, in_runs, start: Search(background=stated))
     found = diagnose_plant(drifting(), Axis())
-    assert found.verdict == "nothing_missing"
+    assert found.verdict == "undecided"  # it stands out
     assert found.findings == []
     assert found.to_json()["discrepancy"] == stated
 

@@ -72,26 +72,52 @@ def look_outside(
     """None: no parameter presses against a bound, or letting go of it leaves more than the listed terms do.
 
     explained: the fit with these terms, or the calibrated one where there are none; then half of what is above noise
-    has to be taken. select: listed terms from a fit on: of several terms the first may have stood in for a parameter.
+    has to be taken. select: listed terms from a fit on: of several terms the first may have stood in for a parameter,
+    and where they leave what stands out, both may be missing.
     """
     if not problem.unexplained(calibrated.residual):
         return None
     above, first = max(calibrated.chi2 - problem.samples, 0.0), max((s.gain for s in selected), default=0.0)
     taken = calibrated.cost - explained.cost if selected else thresholds.HOLDS * above
+    beside = problem.stands_out(explained.residual)
     best = _best(problem, calibrated, thresholds.WORTH_FITTING * max(taken if len(selected) < 2 else first, 0.0))
-    if best is None or (gain := calibrated.cost - best.cost) < problem.evidence:
+    gain = calibrated.cost - best.cost if best is not None else 0.0
+    if best is not None and gain >= problem.evidence:
+        slack = thresholds.ALIKE + thresholds.ALIKE_SHARE * max(problem.excess(explained.residual), 0.0)
+        alone = gain >= taken - (slack if selected else 0.0)
+        instead = len(selected) > 1 and gain >= thresholds.ALONE * first
+        more = _with_terms(problem, best, select) if alone or instead or beside else None
+        needs_fewer = (
+            more is not None and more.fit.cost <= explained.cost + slack and len(more.selected) < len(selected)
+        )
+        if more is not None and (alone or (instead and needs_fewer) or _leaves_less(problem, more.fit, explained)):
+            as_good = len(selected) == 1 and explained.cost - best.cost < slack
+            found = Outside(more, gain, (selected[0].term, *selected[0].alike) if as_good else ())
+            say(f"{found.name} outside its tolerance leaves no more")
+            return found
+    return _beside(problem, calibrated, explained, selected, say) if beside and selected else None
+
+
+def _with_terms(problem: Problem, best: Fit, select: Select) -> Selection:
+    """Listed terms beside a parameter, where it leaves something."""
+    return select(best) if problem.unexplained(best.residual) else Selection([best])
+
+
+def _beside(
+    problem: Problem, calibrated: Fit, explained: Fit, selected: Sequence[Selected], say: Say
+) -> Outside | None:
+    """A parameter that listed terms need as well: beside them it leaves a third."""
+    best = _best(problem, explained, thresholds.WORTH_FITTING * max(explained.chi2 - problem.samples, 0.0))
+    if best is None or not _leaves_less(problem, best, explained):
         return None
-    slack = thresholds.ALIKE + thresholds.ALIKE_SHARE * max(problem.excess(explained.residual), 0.0)
-    alone = gain >= taken - (slack if selected else 0.0)
-    if not alone and (len(selected) < 2 or gain < thresholds.ALONE * first):
-        return None
-    more = select(best) if problem.unexplained(best.residual) else Selection([best])
-    if not alone and (more.fit.cost > explained.cost + slack or len(more.selected) >= len(selected)):
-        return None
-    as_good = len(selected) == 1 and explained.cost - best.cost < slack
-    found = Outside(more, gain, (selected[0].term, *selected[0].alike) if as_good else ())
-    say(f"{found.name} outside its tolerance leaves no more")
+    found = Outside(Selection([calibrated, best], list(selected)), explained.cost - best.cost, ())
+    say(f"{found.name} outside its tolerance leaves a third of what the terms leave")
     return found
+
+
+def _leaves_less(problem: Problem, fit: Fit, other: Fit) -> bool:
+    """Whether it leaves so much less that one number more does not account for it."""
+    return thresholds.TIMES_LESS * problem.excess(fit.residual) < problem.excess(other.residual)
 
 
 def _best(problem: Problem, calibrated: Fit, least: float) -> Fit | None:
@@ -105,18 +131,18 @@ def _best(problem: Problem, calibrated: Fit, least: float) -> Fit | None:
 
 
 def _freed(calibrated: Fit) -> list[Fit]:
-    """The calibrated fit with each parameter that is at a bound free of it, in the fit's own linear terms."""
-    hypothesis, found = calibrated.hypothesis, []
+    """The fit with each base parameter that is at a bound free of it, in the fit's own linear terms."""
+    at, found = calibrated.settled(), []
+    hypothesis, count = at.hypothesis, len(at.x)
     for k, base in enumerate(hypothesis.base):
         (c,) = base.coordinates
-        if abs(calibrated.x[k]) < 1 - AT_BOUND or hypothesis.effects:
+        if abs(at.x[k]) < 1 - AT_BOUND:
             continue
-        free = FreeParameter(base, c.start + c.scale * float(calibrated.x[k]))
+        free = FreeParameter(base, c.start + c.scale * float(at.x[k]))
         if free.coordinates[0].lower > c.lower - AT_BOUND and free.coordinates[0].upper < c.upper + AT_BOUND:
             continue  # its unit allows no more
-        others = [j for j in range(len(hypothesis.base)) if j != k]
-        order = [*others, k]
-        less = replace(hypothesis, base=tuple(hypothesis.base[j] for j in others), effects=(free,))
-        x, J = calibrated.x[order], np.asarray(calibrated.jacobian[:, order])
-        found.append(replace(calibrated, hypothesis=less, x=x, jacobian=J))
+        order = [*(j for j in range(count) if j != k), k]
+        others = tuple(other for other in hypothesis.base if other is not base)
+        less = replace(hypothesis, base=others, effects=(*hypothesis.effects, free))
+        found.append(replace(at, hypothesis=less, x=at.x[order], jacobian=np.asarray(at.jacobian[:, order])))
     return found

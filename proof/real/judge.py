@@ -1,6 +1,6 @@
 """The figures on which the real recordings are judged: python proof/real/judge.py, after cobot-joint prove proof/real.
 
-A folder may follow that holds other results, by case (diagnose --out FOLDER/CASE, then verify). Every figure is computed
+A folder may follow that holds other results, by case (diagnose --out FOLDER/CASE, then verify). Every figure comes
 from verify.parquet (recorded signals beside those that the co-simulated units gave on held-out runs) or, for the
 frequency response, from diagnosis.json. A case that has not been proved is skipped with a word.
 """

@@ -231,7 +231,8 @@ class Searcher:
         self._pointed = self._pointed or {c.term.name for c in ranked[:POINTED]}
         found.ranking.append([(c.term.name, c.evidence) for c in ranked[:10]])
         taken = max((named.evidence for named in found.named), default=0.0)
-        least = max(thresholds.ANCHORED_EVIDENCE, thresholds.ANCHORED_LATER * taken)
+        most = max([taken, *(c.evidence for c in ranked[:1])])  # where that does not predict, nothing small stands
+        least = max(thresholds.ANCHORED_EVIDENCE, thresholds.ANCHORED_LATER * most)
         likely: list[Named] = []
         for n, best in enumerate(ranked[:TRIED]):
             patch = best.term.name in self.bounds and best.evidence < taken  # of what a term's form leaves

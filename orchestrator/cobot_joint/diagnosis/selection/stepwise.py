@@ -29,6 +29,7 @@ from cobot_joint.diagnosis.selection.left_out import predicts
 from cobot_joint.diagnosis.store import Store
 
 POINTED = 8  # terms that are looked at again after the first was added
+POSSIBLE = 4  # leading ones that are looked at as they are, where what is left stands out
 BESIDE = 2  # of them that are fitted in many recordings, where a later term may take less than it leaves
 PASSES = 3  # over the onsets of several terms
 SUBSET = 1e-8  # of the largest singular value, below which a column is not asked to stand in for another
@@ -208,20 +209,19 @@ class Selector:
     def _is_background(self, best: Fit, ranked: Sequence[Score]) -> bool:
         """Whether no later term is predicted to take what it must: fits would be rejected as patches.
 
-        Of what stands out, sensitivities predict too little: there a fit is tried.
+        Of what stands out sensitivities predict too little; there it is enough that one does well as it is.
         """
         above = best.chi2 - self.problem.samples
         gain = max((s.gain for s in ranked), default=0.0)
-        if gain >= self._must_promise(best) * above:
+        if gain >= (thresholds.LEAST if self._may_predict(best) else thresholds.HOLDS) * above:
             return False
+        if gain >= thresholds.LEAST * above and self.problem.stands_out(best.residual):
+            as_they_are = best.chi2 - min(self.competition.sized(best, s.active)[1] for s in ranked[:POSSIBLE])
+            gain = max(gain, as_they_are)
+            if gain >= thresholds.WORTH_FITTING * above:
+                return False
         self.progress(f"the best further term is predicted to take {share(gain, above)} of what is left: a background")
         return True
-
-    def _must_promise(self, best: Fit) -> float:
-        """Share of what is left that a later term must be predicted to take, for a fit to be tried."""
-        if self._may_predict(best):
-            return thresholds.LEAST
-        return thresholds.WORTH_FITTING if self.problem.stands_out(best.residual) else thresholds.HOLDS
 
     def setting_in(self, best: Fit, onset: float) -> Fit | None:
         """The best listed term that is off until about then, beside a fit. None: none can be simulated."""

@@ -62,6 +62,25 @@ def test_a_name_whose_rival_has_more_evidence_and_does_not_predict_is_no_claim(r
     assert (confidence(Named(candidate, (), rival, 474.0, {})) >= thresholds.EVEN) == claimed
 
 
+@pytest.mark.parametrize(("evidence", "names"), [(22.0, []), (300.0, ["small"])])
+def test_beside_a_much_larger_rival_that_does_not_predict_nothing_is_named(
+    evidence: float, names: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A drawn machine's cogging, 849 nats from a wrong moment on, did not predict, and a brake's inertia was named"""
+    terms: Any = [SimpleNamespace(name=name, amplitude=f"{name}.x", phase=None) for name in ("large", "small")]
+    size, worth = {"large": 849.0, "small": evidence}, {"large": -5.0, "small": 12.0}
+    at: Any = SimpleNamespace(
+        candidate=lambda term: SimpleNamespace(term=term, evidence=size[term.name]),
+        with_onset=lambda candidate, worth: candidate,
+        predicted=lambda candidate: SimpleNamespace(worth=worth[candidate.term.name]),
+    )
+    nothing: Any = None
+    named = lambda self, at, best, others, predicted: SimpleNamespace(name=best.term.name, alike=())  # noqa: E731
+    monkeypatch.setattr(Searcher, "_named", named)
+    found = Searcher(nothing, nothing, {}, terms, lambda words: None, ())._next(Search(), at)
+    assert [n.name for n in found] == names
+
+
 def test_a_background_alone_is_given_no_name() -> None:
     found = search({"motor_bldc.winding.R": 0.209 * 1.03})
     assert found.named == []

@@ -102,6 +102,20 @@ def test_where_what_is_left_stands_out_terms_are_tried_that_sensitivities_do_not
         assert ("axis.cogging" in Competition(problem).fits(base, weak, 10.0)) == stands_out
 
 
+@pytest.mark.parametrize(("takes", "background"), [(0.5, False), (0.1, True)])
+def test_of_what_stands_out_it_is_enough_that_a_further_term_does_well_as_it_is(
+    takes: float, background: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cogging that sets in was predicted to take 11 % of the rest and takes 88 %: the brake's inertia was named"""
+    problem, base = refitted(campaign(TRUE))
+    above = base.chi2 - problem.samples
+    ranked = [replace(s, gain=0.1 * above) for s in scores(problem, base, Scan(problem, TERMS).columns(base))]
+    monkeypatch.setattr(Problem, "stands_out", lambda self, residual: True)
+    monkeypatch.setattr(Competition, "sized", lambda self, best, active: (active, best.chi2 - takes * above))
+    selector = Selector(problem, Scan(problem, TERMS), lambda words: None)
+    assert selector._is_background(base, ranked) == background
+
+
 def test_terms_that_explain_less_than_what_stays_unexplained_are_pruned() -> None:
     problem, base = refitted(campaign({}))
     half = replace(base, residual=base.residual + 0.5)

@@ -154,7 +154,7 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     if misread and misread.beats(problem, found.fit):
         return Explanation(found.calibrated, found.calibrated, found.selection.up_to(0), [], misread=misread)
     is_formula = found.unmodelled is not None and found.unmodelled.is_formula
-    along = found.anchored and not problem.stands_out(found.calibrated.residual)
+    along = found.anchored and (found.anchored.claims or not problem.stands_out(found.calibrated.residual))
     if (found.unmodelled and not is_formula) or along or (found.background and not found.selected):
         return found
     select = Selector(problem, scan, say).select

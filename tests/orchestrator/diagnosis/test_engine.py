@@ -256,6 +256,20 @@ def test_where_terms_explain_down_to_the_noise_the_motion_is_not_asked(monkeypat
     ]
 
 
+@pytest.mark.parametrize("claimed", [True, False])
+def test_a_claim_along_the_recorded_motion_is_not_held_against_a_data_sheet(
+    claimed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Letting go of a parameter follows a background; only where nothing is claimed may it be the answer"""
+    asked: list[bool] = []
+    monkeypatch.setattr(engine, "can_follow", lambda campaign, plant: True)
+    monkeypatch.setattr(engine, "follow", lambda campaign, plant, say, in_runs, start: Search())
+    monkeypatch.setattr(Search, "claims", property(lambda self: claimed))
+    monkeypatch.setattr(engine, "look_outside", lambda *_: asked.append(True))
+    diagnose_plant(drifting(), Axis())
+    assert bool(asked) != claimed
+
+
 def test_orders_are_found_without_simulating_each_of_them() -> None:
     axis = Axis()
     diagnose_plant(campaign(OFF | {"axis.cogging.A": 4e-3, "axis.cogging.n": 7.0}), axis)

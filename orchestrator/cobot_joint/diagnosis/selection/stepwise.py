@@ -274,17 +274,16 @@ class Selector:
         return found if found is not None and found.cost < best.cost else best
 
     def with_onsets(self, best: Fit) -> Fit:
-        """With onsets looked at once more: those of several terms were found while the last was off, and one that was
-        refined before the term had its place and size may have ended beside it."""
-        late = [k for k, active in enumerate(best.hypothesis.terms) if active.onset is not None]
-        several = len(best.hypothesis.terms) > 1
+        """With the onsets of several terms looked at once more: they were found while the last was off."""
+        terms = best.hypothesis.terms
+        late = [k for k, active in enumerate(terms) if active.onset is not None and len(terms) > 1]
         for _ in range(PASSES if late else 0):
             before = best.cost
             for k in late:
                 if best.hypothesis.terms[k].onset is None or not self.problem.unexplained(best.residual):
                     continue
                 best = min(best, self.competition.with_onset(best, k), key=attrgetter("cost"))
-                always = self.competition.from_start(best, k) if several else None
+                always = self.competition.from_start(best, k)
                 best = always if always is not None and always.cost < best.cost + thresholds.ALIKE else best
             if before - best.cost < self.problem.evidence:
                 break

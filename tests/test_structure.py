@@ -40,7 +40,7 @@ ROOMS = [
     "diagnosis/experiments",
     "diagnosis/repair",
     "diagnosis/report",
-    "diagnosis/engine.py diagnosis/frequency",
+    "diagnosis/engine.py diagnosis/explanation.py diagnosis/frequency",
     "diagnosis/evaluation",
     "diagnosis/basis.py diagnosis/provenance.py diagnosis/run.py diagnosis/frequency_run.py",
     "diagnosis/__init__.py diagnosis/own_bench.py diagnosis/commands.py",

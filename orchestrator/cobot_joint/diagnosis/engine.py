@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 from cobot_joint.diagnosis import thresholds
@@ -20,17 +20,16 @@ from cobot_joint.diagnosis.estimation.calibrate import calibrate, told, watched
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem, one_blas_thread
 from cobot_joint.diagnosis.experiments.discriminate import advise
-from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding, Ground, Verdict
-from cobot_joint.diagnosis.localization.evidence import where_it_shows
+from cobot_joint.diagnosis.explanation import Explanation, answer, sure_beside_background, units_of
+from cobot_joint.diagnosis.findings import Diagnosis
 from cobot_joint.diagnosis.localization.isolability import prefetch
 from cobot_joint.diagnosis.localization.localize import locate_difference
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import Plant, TermCandidate
-from cobot_joint.diagnosis.selection.confidence import COUNTED_TERMS, beside_background, confidence
 from cobot_joint.diagnosis.selection.external_loads import look_for_external_loads, look_for_unlogged_load
 from cobot_joint.diagnosis.selection.misreading import Misread, look_for_misreading
 from cobot_joint.diagnosis.selection.mistimed import look_for_mistiming
-from cobot_joint.diagnosis.selection.outside import Outside, look_outside
+from cobot_joint.diagnosis.selection.outside import look_outside
 from cobot_joint.diagnosis.selection.some_recordings import some_of
 from cobot_joint.diagnosis.selection.stepwise import Selected, Selection, Selector, prune, worth_naming
 from cobot_joint.diagnosis.selection.unmodelled import Unmodelled, look_for_unmodelled
@@ -38,21 +37,6 @@ from cobot_joint.diagnosis.store import Store
 from cobot_joint.errors import UserError, among
 
 Progress = Callable[[str], None]
-
-
-@dataclass
-class Explanation:
-    """What explains the recordings: the base model alone, and with all that was selected."""
-
-    calibrated: Fit
-    fit: Fit
-    selection: Selection
-    selected: list[Selected]
-    unmodelled: Unmodelled | None = None
-    anchored: Search | None = None  # what the recorded motion says, where no model fits to the noise
-    misread: Misread | None = None  # a channel whose log explains more than any of these
-    outside: Outside | None = None  # a base parameter beyond its tolerance that leaves no more than listed terms
-    background: list[dict[str, object]] = field(default_factory=list)  # where the rest lies, if nothing has a name
 
 
 def diagnose(
@@ -124,7 +108,7 @@ def explain(
         return in_free_runs(
             problem, found, explanation.anchored, explanation.calibrated, units_of(problem)
         ), explanation
-    return _answer(problem, explanation), explanation
+    return answer(problem, explanation), explanation
 
 
 def identify(campaign: Campaign, plant: Plant) -> Diagnosis:
@@ -149,10 +133,10 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     asked = partial(store.remember, "misread", _basis(campaign), lambda: _misread(problem, calibrated))
     misread = problem.budget.spend("gains, offsets and delays of channels", asked)
     if misread and misread.explains(problem) and not misread.rivalled(problem, calibrated, scan):
-        return Explanation(calibrated, calibrated, Selection([calibrated]), [], misread=misread)
+        return _channel_or_parameter(problem, calibrated, misread, say)
     found = _selected(campaign, problem, calibrated, scan, say, store)
     if misread and misread.beats(problem, found.fit):
-        return Explanation(found.calibrated, found.calibrated, found.selection.up_to(0), [], misread=misread)
+        return _channel_or_parameter(problem, found.calibrated, misread, say)
     is_formula = found.unmodelled is not None and found.unmodelled.is_formula
     along = found.anchored and (found.anchored.claims or not problem.stands_out(found.calibrated.residual))
     if (found.unmodelled and not is_formula) or along or (found.background and not found.selected):
@@ -165,7 +149,19 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     )
     if outside is None or (found.unmodelled and found.unmodelled.outdoes(problem, outside.fit)):
         return found
-    return Explanation(found.calibrated, outside.fit, outside.selection, outside.selection.selected, outside=outside)
+    as_good = misread if misread and misread.as_good(problem, found.calibrated, outside.gain) else None
+    explained = Explanation(found.calibrated, outside.fit, outside.selection, outside.selection.selected)
+    return replace(explained, outside=outside, misread=as_good)
+
+
+def _channel_or_parameter(problem: Problem, calibrated: Fit, misread: Misread, say: Progress) -> Explanation:
+    """A channel that is misread, and the base parameter that would do as well outside its tolerance, if there is one: a
+    brake's torque per ampere is a gain of its current."""
+    neither = Explanation(calibrated, calibrated, Selection([calibrated]), [], misread=misread)
+    outside = look_outside(problem, calibrated, calibrated, [], lambda fit: Selection([fit]), say)
+    if outside is None or outside.gain < calibrated.cost - misread.fit.cost - misread.slack(problem):
+        return neither
+    return replace(neither, fit=outside.fit, outside=outside)
 
 
 def _misread(problem: Problem, calibrated: Fit) -> Misread | None:
@@ -231,7 +227,8 @@ def _beyond_the_list(
     follows, given = can_follow(campaign, problem.plant), motion_is_given(campaign)
     takes_most, much = _takes_most(problem, listed), _much_is_left(problem, listed)
     background = takes_most or follows
-    least = max(thresholds.ALONE, 0.0 if listed.imitates else 1 - left / max(before, 1e-9)) if background else 0.0
+    imitates = listed.imitates or problem.stands_out(listed.fit.residual)
+    least = max(thresholds.ALONE, 0.0 if imitates else 1 - left / max(before, 1e-9)) if background else 0.0
     spend = problem.budget.spend
     formula = partial(look_for_unmodelled, problem, calibrated, listed, say, least)
     unmodelled = spend("formulas", formula) if much else None
@@ -280,14 +277,6 @@ def _takes_most(problem: Problem, listed: Selection) -> bool:
     return max(sure_beside_background(problem, listed).values(), default=0.0) >= thresholds.EVEN
 
 
-def sure_beside_background(problem: Problem, selection: Selection) -> dict[str, float]:
-    """Term -> confidence by the share that it takes. What comes and goes at times of its own follows a background too,
-    and must take as much as load pulses must."""
-    episodes = {term.name for term in problem.plant.terms if term.episode}
-    taken = selection.taken(problem).items()
-    return {n: beside_background(x) for n, x in taken if n not in episodes or x > thresholds.LOADS_TAKE}
-
-
 def _leaves_nothing(problem: Problem, unmodelled: Unmodelled) -> bool:
     """Whether a formula leaves no background, which a formula follows as well as an effect."""
     return problem.excess(unmodelled.fit.residual) < thresholds.UNDECIDED * problem.excess_scatter
@@ -306,95 +295,3 @@ def _terms(problem: Problem, only: Sequence[str]) -> list[TermCandidate]:
 def _remembers(term: TermCandidate) -> bool:
     """Whether a time or a way is among its shapes: the rows of a table follow one another in no time that counts."""
     return any(shape.unit in ("s", "rad", "m") and not shape.whole for shape in term.shapes)
-
-
-def units_of(problem: Problem) -> dict[str, str]:
-    """Parameters, amplitudes and shapes -> unit of measure"""
-    plant = problem.plant
-    units = {p.name: p.unit for p in plant.parameters.values()}
-    return units | {t.amplitude: t.unit for t in plant.terms} | {s.name: s.unit for t in plant.terms for s in t.shapes}
-
-
-def _answer(problem: Problem, explanation: Explanation) -> Diagnosis:
-    units, misread, before = units_of(problem), explanation.misread, explanation.calibrated
-    repaired = explanation.fit.estimates(units, problem.stretches(explanation.fit.residual))
-    left = max(problem.excess(explanation.fit.residual), 0.0)
-    findings = [_finding(problem, explanation, selected, repaired, left) for selected in explanation.selected]
-    if explanation.unmodelled:
-        findings.append(explanation.unmodelled.finding)
-    if explanation.outside:
-        findings.append(explanation.outside.finding(problem, before, repaired))
-    findings = [replace(f, ground=_ground(problem, f, left)) for f in findings]
-    findings = sorted((replace(f, confidence=_together(f, findings)) for f in findings), key=lambda f: -f.gain)
-    return Diagnosis(
-        verdict="undecided" if misread else _verdict(findings, left > thresholds.UNDECIDED * problem.excess_scatter),
-        findings=findings,
-        calibrated=before.estimates(units, problem.stretches(before.residual)),
-        repaired=repaired,
-        misreading=misread.told(problem) if misread else None,
-        ranking=explanation.selection.ranking,
-        background=explanation.background,
-        structure={
-            "calibrated": problem.excess(before.residual),
-            "repaired": left,
-            "scatter": problem.excess_scatter,
-        },
-    )
-
-
-def _together(finding: Finding, all_of_them: Sequence[Finding]) -> float:
-    """Its confidence; no claim where several terms of one unit are needed and the form of one ends at what it allows:
-    together they imitate another."""
-    beside = [f for f in all_of_them if f.component == finding.component]
-    at_its_end = any(e.at for f in beside for e in f.parameters.values())
-    return min(finding.confidence, thresholds.WITHHELD) if len(beside) > 1 and at_its_end else finding.confidence
-
-
-def _verdict(findings: Sequence[Finding], much_left: bool) -> Verdict:
-    if any(f.shape for f in findings):
-        return "unlisted"
-    if findings:
-        return "explained"
-    return "undecided" if much_left else "nothing_missing"
-
-
-def _sure(problem: Problem, explanation: Explanation, selected: Selected, left: float) -> float:
-    """Confidence in a listed term: by what is left, beside a background by the share that it took, or as the recorded
-    motion says. What tens of rows leave is little in itself, so that of a table the share alone counts."""
-    rows = problem.is_table and problem.unexplained(explanation.fit.residual)
-    much = rows or left > thresholds.CLEARLY_LEFT * problem.excess_scatter
-    beside = sure_beside_background(problem, explanation.selection).get(selected.term, 0.0) if much else 0.0
-    along = explanation.anchored.supports(selected.term) if explanation.anchored else 0.0
-    return beside if rows else max(confidence(selected.gain, left), beside, along)
-
-
-def _ground(problem: Problem, finding: Finding, left: float) -> Ground:
-    """What stands behind its confidence."""
-    if problem.is_table:
-        return "table"
-    if not finding.shape and finding.term.rsplit(".")[-1] not in COUNTED_TERMS:
-        return "term not counted"
-    return (
-        "drawn machines" if finding.confidence == confidence(finding.gain, left, bool(finding.shape)) else "background"
-    )
-
-
-def _finding(
-    problem: Problem, explanation: Explanation, selected: Selected, repaired: Mapping[str, Estimate], left: float
-) -> Finding:
-    on = {a.name: a for a in explanation.fit.hypothesis.terms}
-    active = on[selected.term]
-    equal = explanation.selection.indistinguishable  # term -> the one that it equals
-    indistinguishable = [t for t, other in equal.items() if other == selected.term]
-    indistinguishable += [equal[selected.term]] if selected.term in equal else []
-    alike = sorted(selected.alike, key=selected.alike.__getitem__)
-    both = [active, *(on[t] for t in indistinguishable if t in on)]
-    return Finding(
-        term=selected.term,
-        equivalent=tuple(dict.fromkeys([*indistinguishable, *alike]))[: thresholds.MOST_NAMES - 1],
-        confidence=_sure(problem, explanation, selected, left),
-        onset=active.onset,
-        parameters={name: repaired[name] for a in both for name in a.values if name in repaired},
-        where=where_it_shows(problem, explanation.fit, active),
-        gain=selected.gain,
-    )

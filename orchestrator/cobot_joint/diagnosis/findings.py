@@ -217,7 +217,7 @@ class Diagnosis:
     seconds: float = 0.0
     crashes: list[str] = field(default_factory=list)  # of units; what was tried then was passed over
     left_out: list[str] = field(default_factory=list)  # for want of time
-    misreading: Misreading | None = None  # of a channel, in place of findings
+    misreading: Misreading | None = None  # of a channel, in place of findings or as good as them
     refuted: list[str] = field(default_factory=list)  # base parameters whose withheld repair does not predict
 
     def parameters(self, variant: Literal["nominal", "calibrated", "repaired"]) -> dict[str, float]:

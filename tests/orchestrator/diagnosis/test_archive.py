@@ -13,11 +13,11 @@ import pytest
 
 from cobot_joint.diagnosis import archive
 from cobot_joint.diagnosis.archive import DamagedError, fingerprint, load, save
-from cobot_joint.diagnosis.engine import Explanation
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm, BaseParameter, LoadPulse, PortSignal, StepOffset
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
 from cobot_joint.diagnosis.estimation.problem import Simulated
+from cobot_joint.diagnosis.explanation import Explanation
 from cobot_joint.diagnosis.findings import Candidate, Estimate
 from cobot_joint.diagnosis.plant.plant import Parameter, Port, ScannedShape, TermCandidate
 from cobot_joint.diagnosis.selection.stepwise import Selected, Selection

@@ -13,7 +13,7 @@ from scipy.optimize import lsq_linear
 from scipy.signal import lfilter
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from cobot_joint.diagnosis import engine
+from cobot_joint.diagnosis import engine, explanation
 from cobot_joint.diagnosis.anchored.search import Search
 from cobot_joint.diagnosis.candidates.score_test import Scan
 from cobot_joint.diagnosis.data.campaign import Campaign
@@ -363,7 +363,7 @@ def test_a_load_that_comes_and_goes_must_take_nearly_all_to_count_beside_a_backg
     fits = [SimpleNamespace(chi2=p.samples + left) for left in (above, (1 - share) * above)]
     for name in ("axis.push", "axis.windage"):
         selection = Selection(fits, [Selected(name, share * above)])  # type: ignore[arg-type]
-        believed = engine.sure_beside_background(p, selection).get(name, 0.0) >= EVEN
+        believed = explanation.sure_beside_background(p, selection).get(name, 0.0) >= EVEN
         assert believed == (counts or name == "axis.windage")
 
 
@@ -375,4 +375,4 @@ def test_two_terms_of_one_unit_of_which_one_ends_at_a_bound_are_no_claim(
     at_its_end = Estimate(1.0, "1", (1.0, 1.0), at)
     first = Finding("a.first", (), 0.9, None, {"a.first.x": at_its_end}, {}, 50.0)
     second = Finding(f"{component}.second", (), 0.9, None, {}, {}, 40.0)
-    assert engine._together(second, [first, second]) == sure
+    assert explanation._together(second, [first, second]) == sure

@@ -11,6 +11,7 @@ import numpy as np
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.order_spectrum import order_spectrum
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
+from cobot_joint.diagnosis.estimation.recorded_motion import along_recording
 from cobot_joint.diagnosis.plant.correction import SGN, TIME, Factor, Product
 from cobot_joint.diagnosis.plant.plant import Port, Signals
 
@@ -36,22 +37,33 @@ class Local:
 
 
 class Dictionary:
-    """Forms at one port on the trajectories of one fit. outputs: these with the ports' signals, where simulated."""
+    """Forms at one port on the trajectories of one fit, its motion where the recordings have it.
+
+    outputs: channels and the ports' signals of that fit, where they are simulated already.
+    """
 
     def __init__(self, problem: Problem, start: Fit, port: Port, outputs: Sequence[Signals] | None = None) -> None:
         self.problem, self.port = problem, port
         self.residual = start.residual
-        self.outputs = problem.outputs(start.run, port.signals) if outputs is None else outputs
-        self.locals = {
-            r.name: Local({_short(n): v for n, v in outputs.items() if n in port.signals}, r.time - r.time[0])
-            for r, outputs in zip(problem.recordings, self.outputs, strict=True)
-            if problem.plant.has(port.name, r)
-        }
+        simulated = problem.outputs(start.run, port.signals) if outputs is None else outputs
+        self.locals = self._locals(simulated)
         self.angles = [_short(n) for n in port.angles]
         self.speeds = {angle: w for angle in self.angles if (w := self._speed_of(angle)) is not None}
         self.speed = next(iter(self.speeds.values()), None)
+        moving = {*self.angles, *self.speeds.values()}
+        motion = [n for n in port.signals if _short(n) in moving]
+        self.outputs = [along_recording(r, s, motion) for r, s in zip(problem.recordings, simulated, strict=True)]
+        self.locals = self._locals(self.outputs)
         self.loads = self._independent([_short(n) for n in port.loads])
         self.voltage = next(map(_short, port.voltages), None)
+
+    def _locals(self, outputs: Sequence[Signals]) -> dict[str, Local]:
+        """By recording that has the port."""
+        return {
+            r.name: Local({_short(n): v for n, v in found.items() if n in self.port.signals}, r.time - r.time[0])
+            for r, found in zip(self.problem.recordings, outputs, strict=True)
+            if self.problem.plant.has(self.port.name, r)
+        }
 
     def _speed_of(self, angle: str) -> str | None:
         """The signal whose integral the angle is, in every run in which it moves; None: there is none."""

@@ -73,7 +73,7 @@ def _sized(problem: Problem, start: Fit, port: Port, effects: Sequence[Acting]) 
     columns = difference(problem, hypothesis, x, start.simulated, heights)
     if columns is None:
         return None
-    gain, found = Projection(base, list(columns.T)).gain(range(len(effects)))
+    gain, found = Projection(base, list(columns.T)).gain_beyond_bounds(range(len(effects)))
     sized = [e.at(np.concatenate([[k], e.start()[1:]])) for e, k in zip(effects, found, strict=True)]
     return Loads(port, tuple(sized), gain)
 

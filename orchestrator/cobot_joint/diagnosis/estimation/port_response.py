@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -89,6 +89,21 @@ def refit(problem: Problem, start: Fit, choice: Choice[Form]) -> Fit | None:
     x = np.concatenate([start.x, effect.start()])
     hypothesis = start.hypothesis.with_effects(effect)
     return fit(problem, hypothesis, x, np.column_stack([start.jacobian, own]), REFIT)
+
+
+def without_signal(found: Fit) -> Fit:
+    """What a fit's Jacobian says of it without its last effect, all else as it is: where others may take its place."""
+    (*others, last) = found.hypothesis.effects
+    count = len(last.coordinates)
+    residual = found.residual + found.jacobian[:, -count:] @ found.x[-count:]
+    return replace(
+        found,
+        hypothesis=replace(found.hypothesis, effects=tuple(others)),
+        x=found.x[:-count],
+        chi2=float(residual @ residual),
+        residual=residual,
+        jacobian=found.jacobian[:, :-count],
+    )
 
 
 def indistinguishable_ports(problem: Problem, start: Fit, choice: Choice[Form], cosine: float) -> list[Port]:

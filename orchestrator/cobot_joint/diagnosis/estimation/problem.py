@@ -320,7 +320,8 @@ class Problem:
 
     def stands_out(self, residual: Vector) -> bool:
         """Whether what is left is, rms, so far above the noise that anyone would see it."""
-        return self.excess(residual) > thresholds.LEFT_SIGMA**2 * self.samples
+        above = float(residual @ residual) - self.samples
+        return max(self.excess(residual), above) > thresholds.LEFT_SIGMA**2 * self.samples
 
     def stretches(self, residual: Vector) -> NDArray[np.intp] | None:
         """Of every row the number of its stretch, a `STRETCHES`th of a recording, all channels together: (rows,)

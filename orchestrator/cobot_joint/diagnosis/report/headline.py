@@ -45,7 +45,8 @@ def verdict_sentence(d: Json, terms: Mapping[str, TermText]) -> str:
         return "Nothing is missing: inside its tolerances the system explains these recordings down to the noise."
     if m := d.get("misreading"):
         takes = f"which alone takes {percent(m['takes'])} of the difference"
-        return f"Undecided: {misread(m)}, {takes}, or the machine lacks something."
+        others = [f"{_parameter(f)} is outside its tolerance" for f in findings if is_parameter(f["term"], terms)]
+        return f"Undecided: {', or '.join([f'{misread(m)}, {takes}', *others])}, or the machine lacks something."
     if not findings:
         said = "The recordings differ from the system by more than noise and tolerances, and no explanation stands out"
         return f"{said}{_largest(d.get('discrepancy') or [])}."
@@ -63,8 +64,7 @@ def verdict_sentence(d: Json, terms: Mapping[str, TermText]) -> str:
     lacks = [_said(f, terms) for f in listed_first if f not in outside]
     parts = [f"The model lacks {' and '.join(lacks)}"] * bool(lacks)
     for f in outside:
-        component, name = f["term"].split(".", 1)
-        parts.append(f"{name} of {component} is outside its tolerance ({percent(f.get('confidence'))} sure)")
+        parts.append(f"{_parameter(f)} is outside its tolerance ({percent(f.get('confidence'))} sure)")
     return f"{', and '.join(parts)}{tail}."
 
 
@@ -74,6 +74,12 @@ def _said(f: Json, terms: Mapping[str, TermText]) -> str:
     if f.get("shape"):
         return f"an effect that is on no list, at {f['component']} {sure}"
     return f"{title_of(f['term'], terms)} in {f['component']} {sure}"
+
+
+def _parameter(f: Json) -> str:
+    """name of component"""
+    component, name = f["term"].split(".", 1)
+    return f"{name} of {component}"
 
 
 def _largest(discrepancy: Sequence[Json]) -> str:

@@ -85,6 +85,14 @@ class Misread:
         left, others = (max(problem.excess(f.residual), problem.excess_scatter) for f in (self.fit, other))
         return others > thresholds.TIMES_LESS * left and other.cost - self.fit.cost > problem.evidence
 
+    def as_good(self, problem: Problem, calibrated: Fit, gain: float) -> bool:
+        """Whether what takes so much of the cost of the calibrated model cannot be told from it."""
+        return calibrated.cost - self.fit.cost > gain - self.slack(problem)
+
+    def slack(self, problem: Problem) -> float:
+        """Cost by which something else may be worse, or this, and still not be told from it."""
+        return thresholds.ALIKE + thresholds.ALIKE_SHARE * max(problem.excess(self.fit.residual), 0.0)
+
     def told(self, problem: Problem) -> Misreading:
         """As a diagnosis says it."""
         reading, k = self.reading, len(self.fit.x) - 2

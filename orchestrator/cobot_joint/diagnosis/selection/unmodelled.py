@@ -17,6 +17,7 @@ from cobot_joint.diagnosis.estimation.port_response import (
     refit,
     respond,
     same_direction,
+    without_signal,
 )
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.estimation.projection import Projection
@@ -29,6 +30,8 @@ from cobot_joint.diagnosis.selection.formula import forward
 from cobot_joint.diagnosis.selection.late_onset import look_late
 from cobot_joint.diagnosis.selection.promising import promising
 from cobot_joint.diagnosis.selection.stepwise import Selected, Selection, share
+
+CLOSER = 3  # times that forms are chosen beside those found, where these leave what stands out
 
 Say = Callable[[str], None]
 
@@ -71,10 +74,18 @@ class Place:
     columns: list[Column[Product]]
     choice: Choice[Product] | None
 
-    def look_closer(self, problem: Problem, start: Fit) -> None:
-        """With all forms, not a few."""
-        rest = respond(problem, start, self.port, self.dictionary.more())
-        self.choice = forward(problem, start, [*self.columns, *rest])
+    at: Fit | None = None  # where the choice was made, if not where the search began
+
+    def look_closer(self, problem: Problem, start: Fit, found: Unmodelled | None) -> None:
+        """With all forms, not a few; as they respond beside those that were found, whose size bends what they do."""
+        form = found.finding.shape if found is not None else None
+        if found is None or form is None or form.port != self.port.name:
+            rest = respond(problem, start, self.port, self.dictionary.more())
+            self.choice = forward(problem, start, [*self.columns, *rest])
+            return
+        forms = {**self.dictionary.first(), **self.dictionary.more()}
+        self.at = without_signal(found.fit)
+        self.choice = forward(problem, self.at, respond(problem, found.fit, self.port, forms))
 
 
 def look_for_unmodelled(
@@ -88,7 +99,7 @@ def look_for_unmodelled(
     """
     before, left = problem.excess(calibrated.residual), problem.excess(listed.fit.residual)
     terms = len(listed.selected)
-    explained = terms == 1 and left < thresholds.REMAINDER * before
+    explained = terms == 1 and left < thresholds.REMAINDER * before and not problem.stands_out(listed.fit.residual)
     little = left < thresholds.CLEARLY_LEFT * problem.excess_scatter
     stands = terms < 2 or not (listed.imitates or problem.unexplained(listed.fit.residual))
     if explained or (little and stands):
@@ -96,7 +107,7 @@ def look_for_unmodelled(
     say("looking for an effect that is on no list, port by port")
     alone = _look(problem, calibrated, [], say, least)
     if terms and left < thresholds.TERMS_STAND * before:
-        return alone if alone is not None and _worth_more(problem, alone, before, left, terms) else None
+        return alone if alone is not None and _worth_more(problem, alone, calibrated, listed) else None
     if alone is not None and (alone.taken > thresholds.ALONE or not terms):
         return alone
     if left < (1 - thresholds.HOLDS) * before:
@@ -106,13 +117,16 @@ def look_for_unmodelled(
     return alone if alone is not None and _outweighs(problem, alone, left, terms) else None
 
 
-def _worth_more(problem: Problem, alone: Unmodelled, before: float, left: float, terms: int) -> bool:
+def _worth_more(problem: Problem, alone: Unmodelled, calibrated: Fit, listed: Selection) -> bool:
     """Whether it leaves so much less than the listed terms that its freedom does not account for it.
 
-    A formula follows whatever the data show; one term whose form is somewhat off is still the right name, while several
-    may be patches. What is left counts once per feature or term.
+    A formula follows whatever the data show; one term whose form is somewhat off is still the right name, unless what
+    it leaves stands out, while several may be patches. What is left counts once per feature or term.
     """
-    rest = max(problem.excess(alone.fit.residual), problem.excess_scatter, thresholds.NO_PROOF * before)
+    before, left = problem.excess(calibrated.residual), problem.excess(listed.fit.residual)
+    terms = len(listed.selected)
+    proof = 0.0 if problem.stands_out(listed.fit.residual) else thresholds.NO_PROOF * before
+    rest = max(problem.excess(alone.fit.residual), problem.excess_scatter, proof)
     if terms == 1:
         return left > thresholds.TIMES_LESS * _freedom(alone) * rest
     return _outweighs(problem, alone, left, terms)
@@ -137,22 +151,28 @@ def _look(problem: Problem, start: Fit, selected: list[Selected], say: Say, leas
         return None
     answer = partial(_answer, problem, start, selected)
     found = _best(places, answer)
-    nearly_all = found is not None and found.taken > thresholds.ENOUGH
-    if not nearly_all and places[0].points < least * (start.chi2 - problem.samples):
+    takes_all = found is not None and found.taken > thresholds.ENOUGH
+    if not takes_all and places[0].points < least * (start.chi2 - problem.samples):
         return None
     near = [p for p in places[:2] if p.columns and p.points > thresholds.NEAR_PORT * places[0].points]
-    if not _settled(problem, start, places, found):
+    for _ in range(CLOSER):
+        if _settled(problem, start, places, found):
+            break
         for place in near:
-            place.look_closer(problem, start)
-        both = _best(places, answer), found if nearly_all else None
-        found = max(filter(None, both), key=lambda unmodelled: unmodelled.finding.gain, default=None)
+            place.look_closer(problem, start, found)
+        closer = _best(places, answer)
+        if closer is None or (found is not None and closer.finding.gain < found.finding.gain):
+            break
+        found = closer
+        if not problem.stands_out(found.fit.residual):
+            break
     if problem.onsets and (found is None or found.taken < thresholds.ENOUGH):
         say("forms that set in later")
         tried = [each for p in near if (each := look_late(problem, start, p.columns)) is not None]
         choice, onset = max(tried, key=lambda each: each[0].gain, default=(None, None))
         late = answer(choice, onset=onset) if choice else None
         found = late if late is not None and _much_better(late, found) else found
-    if found is None or found.taken < thresholds.ALONE:
+    if found is None or found.taken < (thresholds.ALONE if _freedom(found) == 1 else thresholds.ENOUGH):
         table = look_for_table(problem, start, [p.port for p in near], say)
         tabled = answer(table.choice, table=table) if table else None
         found = tabled if found is None or (tabled is not None and _much_better(tabled, found)) else found
@@ -166,15 +186,17 @@ def _settled(problem: Problem, start: Fit, places: Sequence[Place], found: Unmod
     """Whether a few forms are enough: by what the best of them leaves; by what the Jacobian expects if it cannot be
     fitted."""
     if found is not None:
-        return found.taken > thresholds.ENOUGH or not problem.unexplained(found.fit.residual)
+        left = found.fit.residual
+        return not problem.unexplained(left) or (found.taken > thresholds.ENOUGH and not problem.stands_out(left))
     enough = thresholds.ENOUGH * max(problem.excess(start.residual), 1e-9)
     return any(p.choice is not None and p.choice.gain > enough for p in places)
 
 
-def _best(places: Sequence[Place], answer: Callable[[Choice[Product]], Unmodelled | None]) -> Unmodelled | None:
+def _best(places: Sequence[Place], answer: Callable[..., Unmodelled | None]) -> Unmodelled | None:
     """That of the choice from which the Jacobian expects most."""
-    best = max((p.choice for p in places if p.choice), key=lambda choice: choice.gain, default=None)
-    return answer(best) if best else None
+    chosen = [(p.choice.gain, -k, p) for k, p in enumerate(places) if p.choice]
+    best = max(chosen, default=None)
+    return answer(best[-1].choice, at=best[-1].at) if best else None
 
 
 def _much_better(other: Unmodelled, than: Unmodelled | None) -> bool:
@@ -190,7 +212,7 @@ def _places(problem: Problem, start: Fit, least: float) -> list[Place]:
     places = []
     together = thresholds.ALONE if least else 0.0
     for dictionary, columns in promising(problem, start, every, thresholds.HOLDS, together):
-        points = Projection(start, [c.vector for c in columns]).inside(start)
+        points = Projection(start, [c.vector for c in columns]).inside
         places.append(Place(dictionary.port, dictionary, points, columns, forward(problem, start, columns)))
     return _distinguishable(sorted(places, key=lambda place: -place.points))
 
@@ -217,9 +239,11 @@ def _answer(
     choice: Choice,
     table: Table | None = None,
     onset: float | None = None,
+    at: Fit | None = None,
 ) -> Unmodelled | None:
-    """The choice with everything else re-fitted; None: it takes too little of what `start` leaves."""
-    found = refit(problem, start, choice)
+    """The choice with everything else re-fitted, from `at` or where the search began; None: it takes too little of what
+    `start` leaves."""
+    found = refit(problem, at or start, choice)
     if found is None:
         return None
     gained = start.cost - found.cost

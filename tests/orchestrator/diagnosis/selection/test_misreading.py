@@ -13,9 +13,11 @@ from cobot_joint.diagnosis.engine import diagnose_plant, identify
 from cobot_joint.diagnosis.estimation.least_squares import fit
 from cobot_joint.diagnosis.estimation.problem import Problem, Run
 from cobot_joint.diagnosis.estimation.reading import Reading
+from cobot_joint.diagnosis.report.headline import verdict_sentence
 from cobot_joint.diagnosis.report.words import misread, remedy
 from cobot_joint.diagnosis.selection.misreading import look_for_misreading, spares_others
 from cobot_joint.diagnosis.selection.mistimed import look_for_mistiming
+from cobot_joint.diagnosis.thresholds import WITHHELD
 from tests.orchestrator.diagnosis.axis import Axis, campaign
 from tests.orchestrator.diagnosis.bench import calibrated
 
@@ -62,6 +64,23 @@ def test_missing_physics_is_no_misreading(missing: dict[str, float]) -> None:
         assert problem.unexplained(base.residual)
         found = look_for_misreading(problem, base)
         assert found is None or not found.explains(problem)
+
+
+def test_a_parameter_that_does_as_well_as_a_channel_is_told_beside_it_and_neither_is_a_claim() -> None:
+    case = campaign({"axis.k": 0.13})
+    case.tolerances["axis.k"] = case.tolerances.pop("axis.J")  # which is known: else all could be less
+    found = diagnose_plant(case, Axis())
+    assert found.verdict == "undecided"
+    assert found.misreading is not None
+    assert found.misreading.channel == "u"
+    assert [f.term for f in found.findings] == ["axis.k"]
+    assert found.findings[0].confidence == WITHHELD
+    assert found.findings[0].parameters["axis.k"].value == pytest.approx(0.13, rel=0.02)
+    content = found.to_json()
+    content["findings"][0]["term"] = "axis.motor.k"
+    said = verdict_sentence(content, {})
+    assert "u is logged 0.846" in said
+    assert ", or motor.k of axis is outside its tolerance, or" in said
 
 
 def test_a_channel_whose_scale_was_given_is_believed() -> None:

@@ -9,11 +9,15 @@ import numpy as np
 import pytest
 
 from cobot_joint.cosim import Experiment, Simulation
+from cobot_joint.diagnosis.candidates import formulas
 from cobot_joint.diagnosis.candidates.formulas import Dictionary
 from cobot_joint.diagnosis.data.campaign import Campaign, load_campaign
 from cobot_joint.diagnosis.engine import diagnose_plant, identify
 from cobot_joint.diagnosis.estimation.calibrate import calibrate
-from cobot_joint.diagnosis.estimation.problem import Vector
+from cobot_joint.diagnosis.estimation.port_response import respond
+from cobot_joint.diagnosis.estimation.problem import Vector, one_blas_thread
+from cobot_joint.diagnosis.estimation.projection import Projection
+from cobot_joint.diagnosis.plant.correction import Factor, Product
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.repair.repair import repair
 from cobot_joint.diagnosis.selection.stepwise import Selection
@@ -29,13 +33,14 @@ OFF = {"axis.J": 1.04e-3, "axis.d": 1.9e-3, "axis.tau_C": 0.0206}  # inside the 
 Effect = Callable[[Vector, Vector], Vector]  # of speed and angle
 
 
-def concealed(effect: Effect) -> Campaign:
-    """The axis with a torque that follows its own motion."""
+def concealed(effect: Effect, background: Effect = lambda w, phi: np.zeros_like(w)) -> Campaign:
+    """The axis with a torque that follows its own motion. background: another one, against it in the other run."""
     case, rng = campaign(OFF), np.random.default_rng(1)
-    for recording in case.recordings:
+    for sign, recording in zip((1, -1), case.recordings, strict=True):
         clean = Axis().simulate(OFF, recording)
         for _ in range(8):
-            tau = effect(clean["axis.w"], clean["axis.phi"])
+            w, phi = clean["axis.w"], clean["axis.phi"]
+            tau = effect(w, phi) + sign * background(w, phi)
             clean = Axis().simulate(OFF, recording, added={"axis.tau_add": tau})
         recording.outputs["w"] = clean["w"] + rng.normal(0, NOISE, SAMPLES)
     return case
@@ -56,6 +61,34 @@ def sgn(w: Vector) -> Vector:
 def test_a_listed_term_whose_form_is_somewhat_off_stays_the_finding(name: str, effect: Effect) -> None:
     found = diagnose_plant(concealed(effect), Axis())
     assert [f.term for f in found.findings] == [f"axis.{name}"]
+
+
+def test_a_listed_term_that_leaves_what_stands_out_is_held_against_a_formula() -> None:
+    """A cubic drag so large that the hundredth of it that windage leaves is far above noise"""
+    found = diagnose_plant(concealed(lambda w, phi: -1e-7 * w**3), Axis())
+    assert [f.term for f in found.findings] == ["axis.unlisted"]
+    form = found.findings[0].shape
+    assert form is not None
+    assert "w^3" in [str(f.form) for f in form.features]
+
+
+def test_teeth_show_at_the_recorded_angle_where_free_runs_have_lost_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A friction that wanders moves the angle of a free run; the teeth of the machine stay where they are."""
+    rng = np.random.default_rng(3)
+    wander = np.convolve(rng.normal(0, 1e-3, SAMPLES + 400), np.ones(400) / 20, "valid")[:SAMPLES]
+    case = concealed(lambda w, phi: -0.02 * np.sin(5 * phi) * sgn(w), lambda w, phi: wander * sgn(w))
+    forms = [Product((Factor("phi", wave, 5.0), Factor("w", "tanh", 0.5))) for wave in ("sin", "cos")]
+    found = {}
+    with one_blas_thread():
+        problem, base = calibrate(case, Axis(), lambda words: None, Store(None))
+        for where in ("recorded", "simulated"):
+            dictionary = Dictionary(problem, base, Axis.ports[0])
+            values = {f: {name: f.of(k.signals, k.time) for name, k in dictionary.locals.items()} for f in forms}
+            columns = respond(problem, base, dictionary.port, values)
+            found[where] = Projection(base, [c.vector for c in columns]).gain([0, 1])
+            monkeypatch.setattr(formulas, "along_recording", lambda recording, signals, motion: signals)
+    assert found["recorded"][0] > 2 * found["simulated"][0]
+    assert found["recorded"][1] == pytest.approx([-0.02, 0.0], abs=4e-3)
 
 
 def test_listed_terms_that_patch_a_shape_together_do_not_stand_in_for_it() -> None:

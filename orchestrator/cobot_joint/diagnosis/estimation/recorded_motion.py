@@ -1,0 +1,55 @@
+"""Angles and speeds of a simulated run, put where the recording has them.
+
+A free run that is off in speed drifts away from the recorded angle, and soon knows nothing of the phase at which a
+tooth or a magnet was felt; a drag that the model lacks slows the machine down, and is as large as the slower speed has
+it. What acts along a motion acts along the recorded one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+from scipy.ndimage import gaussian_filter1d
+
+from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.estimation.problem import Vector
+from cobot_joint.diagnosis.plant.plant import Signals
+
+FOLLOWS = 0.02  # of its range, to which a signal goes along with a channel or with the channel's integral
+SMOOTHED = 0.02  # s, sigma of what takes the noise from a channel's deviation
+
+
+def along_recording(recording: Recording, simulated: Signals, motion: Sequence[str]) -> Signals:
+    """The signals, those of `motion` (angles, speeds) moved by as much as the channel that each goes along with is off.
+
+    simulated: the recording's channels and these signals, (n,) each. What no channel goes along with stays.
+    """
+    moved = dict(simulated)
+    ways = [way for channel in recording.outputs for way in _ways(recording, simulated, channel)]
+    for name in (m for m in motion if m in simulated and np.ptp(simulated[m]) > 0):
+        x = simulated[name]
+        slopes = [_slope(way, x) for way, _ in ways]
+        left = [float(np.ptp(x - slope * way)) for slope, (way, _) in zip(slopes, ways, strict=True)]
+        k = int(np.argmin(left)) if left else -1
+        if left and left[k] < FOLLOWS * np.ptp(x):
+            moved[name] = x + slopes[k] * ways[k][1]
+    return moved
+
+
+def _ways(recording: Recording, simulated: Signals, channel: str) -> list[tuple[Vector, Vector]]:
+    """(as simulated, recorded less simulated) of a channel and of its integral. Gaps count as equal."""
+    y, step = simulated[channel], recording.step
+    off = gaussian_filter1d(np.nan_to_num(recording.outputs[channel] - y), SMOOTHED / step, mode="nearest")
+    return [(y, off), (_integral(y, step), _integral(off, step))]
+
+
+def _integral(x: Vector, step: float) -> Vector:
+    return np.asarray(cumulative_trapezoid(x, dx=step, initial=0.0))
+
+
+def _slope(way: Vector, x: Vector) -> float:
+    """Of a signal over what a channel says, each less its mean."""
+    centred = way - way.mean()
+    return float(centred @ x / max(float(centred @ centred), 1e-300))

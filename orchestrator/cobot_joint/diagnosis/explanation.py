@@ -1,0 +1,135 @@
+"""What explains the recordings, and how a diagnosis says it: findings, how sure they are, and on what ground."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.anchored.search import Search
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.problem import Problem
+from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding, Ground, Verdict
+from cobot_joint.diagnosis.localization.evidence import where_it_shows
+from cobot_joint.diagnosis.selection.confidence import COUNTED_TERMS, beside_background, confidence
+from cobot_joint.diagnosis.selection.misreading import Misread
+from cobot_joint.diagnosis.selection.outside import Outside
+from cobot_joint.diagnosis.selection.stepwise import Selected, Selection
+from cobot_joint.diagnosis.selection.unmodelled import Unmodelled
+
+
+@dataclass
+class Explanation:
+    """What explains the recordings: the base model alone, and with all that was selected."""
+
+    calibrated: Fit
+    fit: Fit
+    selection: Selection
+    selected: list[Selected]
+    unmodelled: Unmodelled | None = None
+    anchored: Search | None = None  # what the recorded motion says, where no model fits to the noise
+    misread: Misread | None = None  # a channel whose log explains more than these, or as much as `outside`
+    outside: Outside | None = None  # a base parameter beyond its tolerance that leaves no more than listed terms
+    background: list[dict[str, object]] = field(default_factory=list)  # where the rest lies, if nothing has a name
+
+
+def units_of(problem: Problem) -> dict[str, str]:
+    """Parameters, amplitudes and shapes -> unit of measure"""
+    plant = problem.plant
+    units = {p.name: p.unit for p in plant.parameters.values()}
+    return units | {t.amplitude: t.unit for t in plant.terms} | {s.name: s.unit for t in plant.terms for s in t.shapes}
+
+
+def answer(problem: Problem, explanation: Explanation) -> Diagnosis:
+    units, misread, before = units_of(problem), explanation.misread, explanation.calibrated
+    repaired = explanation.fit.estimates(units, problem.stretches(explanation.fit.residual))
+    left = max(problem.excess(explanation.fit.residual), 0.0)
+    findings = [_finding(problem, explanation, selected, repaired, left) for selected in explanation.selected]
+    if explanation.unmodelled:
+        findings.append(explanation.unmodelled.finding)
+    if explanation.outside:
+        findings.append(explanation.outside.finding(problem, before, repaired))
+    if misread:  # which of them it is, the recordings cannot say
+        findings = [replace(f, confidence=min(f.confidence, thresholds.WITHHELD)) for f in findings]
+    findings = [replace(f, ground=_ground(problem, f, left)) for f in findings]
+    findings = sorted((replace(f, confidence=_together(f, findings)) for f in findings), key=lambda f: -f.gain)
+    return Diagnosis(
+        verdict="undecided" if misread else _verdict(findings, left > thresholds.UNDECIDED * problem.excess_scatter),
+        findings=findings,
+        calibrated=before.estimates(units, problem.stretches(before.residual)),
+        repaired=repaired,
+        misreading=misread.told(problem) if misread else None,
+        ranking=explanation.selection.ranking,
+        background=explanation.background,
+        structure={
+            "calibrated": problem.excess(before.residual),
+            "repaired": left,
+            "scatter": problem.excess_scatter,
+        },
+    )
+
+
+def _together(finding: Finding, all_of_them: Sequence[Finding]) -> float:
+    """Its confidence; no claim where several terms of one unit are needed and the form of one ends at what it allows:
+    together they imitate another."""
+    beside = [f for f in all_of_them if f.component == finding.component]
+    at_its_end = any(e.at for f in beside for e in f.parameters.values())
+    return min(finding.confidence, thresholds.WITHHELD) if len(beside) > 1 and at_its_end else finding.confidence
+
+
+def _verdict(findings: Sequence[Finding], much_left: bool) -> Verdict:
+    if any(f.shape for f in findings):
+        return "unlisted"
+    if findings:
+        return "explained"
+    return "undecided" if much_left else "nothing_missing"
+
+
+def _sure(problem: Problem, explanation: Explanation, selected: Selected, left: float) -> float:
+    """Confidence in a listed term: by what is left, beside a background by the share that it took, or as the recorded
+    motion says. What tens of rows leave is little in itself, so that of a table the share alone counts."""
+    rows = problem.is_table and problem.unexplained(explanation.fit.residual)
+    much = rows or left > thresholds.CLEARLY_LEFT * problem.excess_scatter
+    beside = sure_beside_background(problem, explanation.selection).get(selected.term, 0.0) if much else 0.0
+    along = explanation.anchored.supports(selected.term) if explanation.anchored else 0.0
+    return beside if rows else max(confidence(selected.gain, left), beside, along)
+
+
+def _ground(problem: Problem, finding: Finding, left: float) -> Ground:
+    """What stands behind its confidence."""
+    if problem.is_table:
+        return "table"
+    if not finding.shape and finding.term.rsplit(".")[-1] not in COUNTED_TERMS:
+        return "term not counted"
+    return (
+        "drawn machines" if finding.confidence == confidence(finding.gain, left, bool(finding.shape)) else "background"
+    )
+
+
+def _finding(
+    problem: Problem, explanation: Explanation, selected: Selected, repaired: Mapping[str, Estimate], left: float
+) -> Finding:
+    on = {a.name: a for a in explanation.fit.hypothesis.terms}
+    active = on[selected.term]
+    equal = explanation.selection.indistinguishable  # term -> the one that it equals
+    indistinguishable = [t for t, other in equal.items() if other == selected.term]
+    indistinguishable += [equal[selected.term]] if selected.term in equal else []
+    alike = sorted(selected.alike, key=selected.alike.__getitem__)
+    both = [active, *(on[t] for t in indistinguishable if t in on)]
+    return Finding(
+        term=selected.term,
+        equivalent=tuple(dict.fromkeys([*indistinguishable, *alike]))[: thresholds.MOST_NAMES - 1],
+        confidence=_sure(problem, explanation, selected, left),
+        onset=active.onset,
+        parameters={name: repaired[name] for a in both for name in a.values if name in repaired},
+        where=where_it_shows(problem, explanation.fit, active),
+        gain=selected.gain,
+    )
+
+
+def sure_beside_background(problem: Problem, selection: Selection) -> dict[str, float]:
+    """Term -> confidence by the share that it takes. What comes and goes at times of its own follows a background too,
+    and must take as much as load pulses must."""
+    episodes = {term.name for term in problem.plant.terms if term.episode}
+    taken = selection.taken(problem).items()
+    return {n: beside_background(x) for n, x in taken if n not in episodes or x > thresholds.LOADS_TAKE}

@@ -114,7 +114,7 @@ def _drift(port: str, speed: str, size: float, rng: Rng) -> Part:
 
 
 def off_the_list(rng: Rng) -> tuple[tuple[str, ...], Part]:
-    """(components where a force does the same, a torque that is on no list): a drag over speed, or rough places."""
+    """(components where a force does the same, a torque that is on no list): a drag over speed, rough places, teeth."""
     motor = rng.random() < 0.5
     unit, speed, angle, span = (MOTOR, "w", "phi", 500.0) if motor else (BRAKE, "w_b", "phi_b", 15.0)
     w_0, n, phase = span * rng.uniform(0.1, 0.5), rng.uniform(0.6, 4.0), rng.uniform(0, 2 * np.pi)
@@ -125,6 +125,10 @@ def off_the_list(rng: Rng) -> tuple[tuple[str, ...], Part]:
         lambda w, phi: (w / span) * np.maximum(np.sin(n * phi + phase), 0),  # rough places, felt with speed
     )
     form = forms[int(rng.integers(len(forms)))]
+    own = rng.spawn(1)[0]  # so that most machines stay what they were before there were teeth
+    N, slow = int(own.integers(2, 25)), span / 30
+    if own.random() < 1 / (1 + len(forms)):
+        form = lambda w, phi: np.sin(N * phi + phase) * np.tanh(w / slow)  # noqa: E731 - as those above
     components = (MOTOR, "planetary_gear") if motor else (BRAKE,)
     return components, Part(f"{unit}.tau_add", lambda s, t: -1e-3 * form(s[f"{unit}.{speed}"], s[f"{unit}.{angle}"]))
 

@@ -241,7 +241,9 @@ def _beyond_the_list(
     if found and stands and found.supports(stands[0].term):
         return Explanation(calibrated, listed.fit, listed, stands, anchored=found)
     claimed = found.claims if found else takes_most
-    if unmodelled and unmodelled.is_likely and (unmodelled.outdoes(problem, listed.fit) or not claimed):
+    fair = not (found and unmodelled and unmodelled.is_wave)  # free runs lose the angle that a listed term goes by
+    outdone = unmodelled is not None and fair and unmodelled.outdoes(problem, listed.fit)
+    if unmodelled and unmodelled.is_likely and (outdone or not claimed):
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
     if found and (found.named or not stands):
         return Explanation(calibrated, listed.fit, listed, [], anchored=found)

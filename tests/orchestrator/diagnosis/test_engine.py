@@ -19,13 +19,16 @@ from cobot_joint.diagnosis.candidates.score_test import Scan
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.engine import diagnose_plant, identify
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
+from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, bounded_step, fit
 from cobot_joint.diagnosis.estimation.problem import Noise, Problem
-from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding
+from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Feature, Finding, Form
+from cobot_joint.diagnosis.plant.correction import Factor, Product
 from cobot_joint.diagnosis.plant.plant import Plant, Signals
 from cobot_joint.diagnosis.repair.repair import onsets
 from cobot_joint.diagnosis.selection.stepwise import Selected, Selection, Selector
+from cobot_joint.diagnosis.selection.unmodelled import Unmodelled
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.diagnosis.thresholds import EVEN, EVIDENCE
 from cobot_joint.system.read import load_system
@@ -222,6 +225,9 @@ def test_without_the_true_term_in_the_catalogue_none_of_the_others_is_dressed_as
     assert [f.term for f in found.findings] == ["axis.unlisted"]
 
 
+FORMULA = "axis.unlisted"
+
+
 def drifting() -> Campaign:
     """A torque that wanders over the time of each run: no term has it, and no formula of the motion."""
     case = campaign(OFF)
@@ -268,6 +274,29 @@ def test_a_claim_along_the_recorded_motion_is_not_held_against_a_data_sheet(
     monkeypatch.setattr(engine, "look_outside", lambda *_: asked.append(True))
     diagnose_plant(drifting(), Axis())
     assert bool(asked) != claimed
+
+
+@pytest.mark.parametrize(
+    ("function", "claimed", "named"), [("sin", True, []), ("sin", False, [FORMULA]), ("u3", True, [FORMULA])]
+)
+def test_a_formula_over_an_angle_gives_way_to_what_the_recorded_motion_claims(
+    function: str, claimed: bool, named: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """field/open case04: in free runs cogging has lost its angle, a formula along the recorded motion has not"""
+    feature = Feature(Product((Factor("x", function),)), Estimate(1.0, "N.m", (0.9, 1.1)))
+    shape = Form("axis.tau_add", "N.m", ("axis.x",), (feature,), 0.9)
+    finding = Finding(FORMULA, (), 0.9, None, {}, {}, 1e3, shape=shape)
+
+    def formula(problem: Problem, calibrated: Fit, *_: object) -> Unmodelled:
+        return Unmodelled(calibrated, [], finding, 0.9)
+
+    monkeypatch.setattr(engine, "can_follow", lambda campaign, plant: True)
+    monkeypatch.setattr(engine, "follow", lambda campaign, plant, say, in_runs, start: Search())
+    monkeypatch.setattr(engine, "look_for_unmodelled", formula)
+    monkeypatch.setattr(engine, "look_outside", lambda *_: None)
+    monkeypatch.setattr(Search, "claims", property(lambda self: claimed))
+    monkeypatch.setattr(Unmodelled, "outdoes", lambda self, problem, other: True)
+    assert [f.term for f in diagnose_plant(drifting(), Axis()).findings] == named
 
 
 def test_orders_are_found_without_simulating_each_of_them() -> None:

@@ -51,6 +51,13 @@ class Unmodelled:
         return self.finding.shape is not None and any(f.form.factors for f in self.finding.shape.features)
 
     @property
+    def is_wave(self) -> bool:
+        """Whether it goes by an angle."""
+        shape = self.finding.shape
+        waves = {factor.function for f in (shape.features if shape else ()) for factor in f.form.factors}
+        return bool(waves & {"sin", "cos"})
+
+    @property
     def is_likely(self) -> bool:
         """Whether it takes so much that a background is not what it follows; a table follows most of one."""
         return self.taken > (thresholds.ALONE if self.is_formula else thresholds.ENOUGH)
@@ -163,10 +170,14 @@ def _look(problem: Problem, start: Fit, selected: list[Selected], say: Say, leas
         closer = _best(places, answer)
         if closer is None or (found is not None and closer.finding.gain < found.finding.gain):
             break
+        little = found is not None and closer.finding.gain - found.finding.gain < thresholds.LEAST * (
+            found.fit.chi2 - problem.samples
+        )
         found = closer
-        if not problem.stands_out(found.fit.residual):
+        if little or not problem.stands_out(found.fit.residual):
             break
-    if problem.onsets and (found is None or found.taken < thresholds.ENOUGH):
+    enough = thresholds.ALONE if least else thresholds.ENOUGH  # a background is followed from any onset on
+    if problem.onsets and (found is None or found.taken < enough):
         say("forms that set in later")
         tried = [each for p in near if (each := look_late(problem, start, p.columns)) is not None]
         choice, onset = max(tried, key=lambda each: each[0].gain, default=(None, None))

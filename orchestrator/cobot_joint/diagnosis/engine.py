@@ -158,7 +158,10 @@ def _channel_or_parameter(problem: Problem, calibrated: Fit, misread: Misread, s
     """A channel that is misread, and the base parameter that would do as well outside its tolerance, if there is one: a
     brake's torque per ampere is a gain of its current."""
     neither = Explanation(calibrated, calibrated, Selection([calibrated]), [], misread=misread)
-    outside = look_outside(problem, calibrated, calibrated, [], lambda fit: Selection([fit]), say)
+    outside = problem.budget.spend(
+        "parameters outside their tolerances",
+        lambda: look_outside(problem, calibrated, calibrated, [], lambda fit: Selection([fit]), say),
+    )
     if outside is None or outside.gain < calibrated.cost - misread.fit.cost - misread.slack(problem):
         return neither
     return replace(neither, fit=outside.fit, outside=outside)

@@ -1,0 +1,91 @@
+"""What listed terms leave: the recorded motion is asked, then formulas and data sheets, and each has its place."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from cobot_joint.diagnosis import engine
+from cobot_joint.diagnosis.anchored.search import Search
+from cobot_joint.diagnosis.data.campaign import Campaign
+from cobot_joint.diagnosis.engine import diagnose_plant
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.problem import Problem
+from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
+from cobot_joint.diagnosis.plant.correction import Factor, Product
+from cobot_joint.diagnosis.selection.unmodelled import Unmodelled
+from tests.orchestrator.diagnosis.axis import OFF, Axis, campaign
+
+FORMULA = "axis.unlisted"
+
+
+def drifting() -> Campaign:
+    """A torque that wanders over the time of each run: no term has it, and no formula of the motion."""
+    case = campaign(OFF)
+    for seed, recording in enumerate(case.recordings):
+        wander = lfilter([1.0], [1.0, -0.995], np.random.default_rng(seed).normal(0, 2e-4, len(recording.time)))
+        clean = Axis().simulate(OFF, recording, added={"axis.tau_add": wander})
+        recording.outputs["w"] = recording.outputs["w"] - Axis().simulate(OFF, recording)["w"] + clean["w"]
+    return case
+
+
+def test_where_terms_leave_more_than_noise_and_the_motion_gives_none_a_name_a_background_is_stated(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stated = [{"port": "axis.tau_add", "variable": "time", "rms": 2e-3, "unit": "N.m"}]
+    monkeypatch.setattr(engine, "can_follow", lambda campaign, plant: True)
+    monkeypatch.setattr(engine, "follow", lambda campaign, plant, say, in_runs, start: Search(background=stated))
+    found = diagnose_plant(drifting(), Axis())
+    assert found.verdict == "undecided"  # it stands out
+    assert found.findings == []
+    assert found.to_json()["discrepancy"] == stated
+
+
+def never(*_: object) -> None:
+    raise AssertionError
+
+
+def test_where_terms_explain_down_to_the_noise_the_motion_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(engine, "can_follow", lambda campaign, plant: True)
+    monkeypatch.setattr(engine, "follow", never)
+    assert [f.term for f in diagnose_plant(campaign(OFF | {"axis.windage.c": 6e-5}), Axis()).findings] == [
+        "axis.windage"
+    ]
+
+
+@pytest.mark.parametrize("claimed", [True, False])
+def test_a_claim_along_the_recorded_motion_is_not_held_against_a_data_sheet(
+    claimed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Letting go of a parameter follows a background; only where nothing is claimed may it be the answer"""
+    asked: list[bool] = []
+    monkeypatch.setattr(engine, "can_follow", lambda campaign, plant: True)
+    monkeypatch.setattr(engine, "follow", lambda campaign, plant, say, in_runs, start: Search())
+    monkeypatch.setattr(Search, "claims", property(lambda self: claimed))
+    monkeypatch.setattr(engine, "look_outside", lambda *_: asked.append(True))
+    diagnose_plant(drifting(), Axis())
+    assert bool(asked) != claimed
+
+
+@pytest.mark.parametrize(
+    ("function", "claimed", "named"), [("sin", True, []), ("sin", False, [FORMULA]), ("u3", True, [FORMULA])]
+)
+def test_a_formula_over_an_angle_gives_way_to_what_the_recorded_motion_claims(
+    function: str, claimed: bool, named: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """field/open case04: in free runs cogging has lost its angle, a formula along the recorded motion has not"""
+    feature = Feature(Product((Factor("x", function),)), Estimate(1.0, "N.m", (0.9, 1.1)))
+    shape = Form("axis.tau_add", "N.m", ("axis.x",), (feature,), 0.9)
+    finding = Finding(FORMULA, (), 0.9, None, {}, {}, 1e3, shape=shape)
+
+    def formula(problem: Problem, calibrated: Fit, *_: object) -> Unmodelled:
+        return Unmodelled(calibrated, [], finding, 0.9)
+
+    monkeypatch.setattr(engine, "can_follow", lambda campaign, plant: True)
+    monkeypatch.setattr(engine, "follow", lambda campaign, plant, say, in_runs, start: Search())
+    monkeypatch.setattr(engine, "look_for_unmodelled", formula)
+    monkeypatch.setattr(engine, "look_outside", lambda *_: None)
+    monkeypatch.setattr(Search, "claims", property(lambda self: claimed))
+    monkeypatch.setattr(Unmodelled, "outdoes", lambda self, problem, other: True)
+    assert [f.term for f in diagnose_plant(drifting(), Axis()).findings] == named

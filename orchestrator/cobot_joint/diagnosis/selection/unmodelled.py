@@ -86,13 +86,14 @@ class Place:
     def look_closer(self, problem: Problem, start: Fit, found: Unmodelled | None) -> None:
         """With all forms, not a few; as they respond beside those that were found, whose size bends what they do."""
         form = found.finding.shape if found is not None else None
-        if found is None or form is None or form.port != self.port.name:
-            rest = respond(problem, start, self.port, self.dictionary.more())
-            self.choice = forward(problem, start, [*self.columns, *rest])
-            return
-        forms = {**self.dictionary.first(), **self.dictionary.more()}
-        self.at = without_signal(found.fit)
-        self.choice = forward(problem, self.at, respond(problem, found.fit, self.port, forms))
+        if found is not None and form is not None and form.port == self.port.name:
+            self.at, forms = without_signal(found.fit), {**self.dictionary.first(), **self.dictionary.more()}
+            self.choice = forward(problem, self.at, respond(problem, found.fit, self.port, forms))
+            if self.choice is not None:
+                return
+        self.at = None
+        rest = respond(problem, start, self.port, self.dictionary.more())
+        self.choice = forward(problem, start, [*self.columns, *rest])
 
 
 def look_for_unmodelled(
@@ -198,7 +199,8 @@ def _settled(problem: Problem, start: Fit, places: Sequence[Place], found: Unmod
     fitted."""
     if found is not None:
         left = found.fit.residual
-        return not problem.unexplained(left) or (found.taken > thresholds.ENOUGH and not problem.stands_out(left))
+        most = found.taken > thresholds.ENOUGH and not problem.stands_out(left)
+        return most or (_freedom(found) == 1 and not problem.unexplained(left))
     enough = thresholds.ENOUGH * max(problem.excess(start.residual), 1e-9)
     return any(p.choice is not None and p.choice.gain > enough for p in places)
 

@@ -133,10 +133,10 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     asked = partial(store.remember, "misread", _basis(campaign), lambda: _misread(problem, calibrated))
     misread = problem.budget.spend("gains, offsets and delays of channels", asked)
     if misread and misread.explains(problem) and not misread.rivalled(problem, calibrated, scan):
-        return _channel_or_parameter(problem, calibrated, misread, say)
+        return _channel_or_parameter(problem, Selection([calibrated]), misread, say)
     found = _selected(campaign, problem, calibrated, scan, say, store)
     if misread and misread.beats(problem, found.fit):
-        return _channel_or_parameter(problem, found.calibrated, misread, say)
+        return _channel_or_parameter(problem, found.selection.up_to(0), misread, say)
     is_formula = found.unmodelled is not None and found.unmodelled.is_formula
     along = found.anchored and (found.anchored.claims or not problem.stands_out(found.calibrated.residual))
     if (found.unmodelled and not is_formula) or along or (found.background and not found.selected):
@@ -154,17 +154,18 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     return replace(explained, outside=outside, misread=as_good)
 
 
-def _channel_or_parameter(problem: Problem, calibrated: Fit, misread: Misread, say: Progress) -> Explanation:
+def _channel_or_parameter(problem: Problem, nothing: Selection, misread: Misread, say: Progress) -> Explanation:
     """A channel that is misread, and the base parameter that would do as well outside its tolerance, if there is one: a
-    brake's torque per ampere is a gain of its current."""
-    neither = Explanation(calibrated, calibrated, Selection([calibrated]), [], misread=misread)
+    brake's torque per ampere is a gain of its current. nothing: the base model, and what was looked at beside it."""
+    calibrated = nothing.fit
+    channel = Explanation(calibrated, calibrated, nothing, [], misread=misread)
     outside = problem.budget.spend(
         "parameters outside their tolerances",
         lambda: look_outside(problem, calibrated, calibrated, [], lambda fit: Selection([fit]), say),
     )
     if outside is None or outside.gain < calibrated.cost - misread.fit.cost - misread.slack(problem):
-        return neither
-    return replace(neither, fit=outside.fit, outside=outside)
+        return channel
+    return replace(channel, fit=outside.fit, outside=outside)
 
 
 def _misread(problem: Problem, calibrated: Fit) -> Misread | None:
@@ -230,23 +231,24 @@ def _beyond_the_list(
     follows, given = can_follow(campaign, problem.plant), motion_is_given(campaign)
     takes_most, much = _takes_most(problem, listed), _much_is_left(problem, listed)
     background = takes_most or follows
-    imitates = listed.imitates or problem.stands_out(listed.fit.residual)
-    least = max(thresholds.ALONE, 0.0 if imitates else 1 - left / max(before, 1e-9)) if background else 0.0
+    doubtful = listed.imitates or problem.stands_out(listed.fit.residual)
+    least = max(thresholds.ALONE, 0.0 if doubtful else 1 - left / max(before, 1e-9)) if background else 0.0
     spend = problem.budget.spend
     formula = partial(look_for_unmodelled, problem, calibrated, listed, say, least)
     unmodelled = spend("formulas", formula) if much else None
     if unmodelled and (not background or _leaves_nothing(problem, unmodelled)):
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
-    asked = much and follows and not given and not takes_most
+    outdone = unmodelled is not None and unmodelled.is_likely and unmodelled.outdoes(problem, listed.fit)
+    # In free runs the angle that a listed term goes by is lost; a formula along the recorded motion has it.
+    lost = bool(outdone and unmodelled and unmodelled.is_wave)
+    asked = much and follows and not given and (lost or not takes_most)
     along = partial(_followed, campaign, problem, listed, say, store)
     found = spend("the recorded motion", along) if asked else None
     stands = listed.selected if left < thresholds.REMAINDER * before else []
     if found and stands and found.supports(stands[0].term):
         return Explanation(calibrated, listed.fit, listed, stands, anchored=found)
     claimed = found.claims if found else takes_most
-    fair = not (found and unmodelled and unmodelled.is_wave)  # free runs lose the angle that a listed term goes by
-    outdone = unmodelled is not None and fair and unmodelled.outdoes(problem, listed.fit)
-    if unmodelled and unmodelled.is_likely and (outdone or not claimed):
+    if unmodelled and unmodelled.is_likely and ((outdone and not (found and lost)) or not claimed):
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
     if found and (found.named or not stands):
         return Explanation(calibrated, listed.fit, listed, [], anchored=found)

@@ -41,6 +41,7 @@ def units_of(problem: Problem) -> dict[str, str]:
 
 
 def answer(problem: Problem, explanation: Explanation) -> Diagnosis:
+    """What is said of it: verdict, findings by what they take, and parameters before and after with their intervals."""
     units, misread, before = units_of(problem), explanation.misread, explanation.calibrated
     repaired = explanation.fit.estimates(units, problem.stretches(explanation.fit.residual))
     left = max(problem.excess(explanation.fit.residual), 0.0)

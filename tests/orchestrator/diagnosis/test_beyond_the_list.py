@@ -71,8 +71,9 @@ def test_a_claim_along_the_recorded_motion_is_not_held_against_a_data_sheet(
 @pytest.mark.parametrize(
     ("function", "claimed", "named"), [("sin", True, []), ("sin", False, [FORMULA]), ("u3", True, [FORMULA])]
 )
+@pytest.mark.parametrize("takes_most", [False, True])
 def test_a_formula_over_an_angle_gives_way_to_what_the_recorded_motion_claims(
-    function: str, claimed: bool, named: list[str], monkeypatch: pytest.MonkeyPatch
+    function: str, claimed: bool, named: list[str], takes_most: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """field/open case04: in free runs cogging has lost its angle, a formula along the recorded motion has not"""
     feature = Feature(Product((Factor("x", function),)), Estimate(1.0, "N.m", (0.9, 1.1)))
@@ -86,6 +87,7 @@ def test_a_formula_over_an_angle_gives_way_to_what_the_recorded_motion_claims(
     monkeypatch.setattr(engine, "follow", lambda campaign, plant, say, in_runs, start: Search())
     monkeypatch.setattr(engine, "look_for_unmodelled", formula)
     monkeypatch.setattr(engine, "look_outside", lambda *_: None)
+    monkeypatch.setattr(engine, "_takes_most", lambda problem, listed: takes_most)
     monkeypatch.setattr(Search, "claims", property(lambda self: claimed))
     monkeypatch.setattr(Unmodelled, "outdoes", lambda self, problem, other: True)
     assert [f.term for f in diagnose_plant(drifting(), Axis()).findings] == named

@@ -54,8 +54,10 @@ class Unmodelled:
     def is_wave(self) -> bool:
         """Whether it goes by an angle."""
         shape = self.finding.shape
-        waves = {factor.function for f in (shape.features if shape else ()) for factor in f.form.factors}
-        return bool(waves & {"sin", "cos"})
+        if shape is None:
+            return False
+        waves = {factor.function for f in shape.features for factor in f.form.factors}
+        return bool(shape.period) or bool(waves & {"sin", "cos"})
 
     @property
     def is_likely(self) -> bool:

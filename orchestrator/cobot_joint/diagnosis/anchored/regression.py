@@ -122,17 +122,25 @@ class Regression:
         return Added(theta[-k:], covariance[-k:, -k:], evidence, variances)
 
     def predicted(self, more: Products, variances: Array, parts: Parts) -> Array:
-        """Log likelihood that the columns add to each part, all fitted to the others: (parts,)"""
+        """Log of the predictive density that the columns add to each part, given the others: (parts,)
+
+        p(part | others) = p(all) / p(others), the groups' variances held. What the others leave uncertain counts: a
+        recording that says nothing of a coefficient predicts nothing of it either.
+        """
         k, found = more.gradient.shape[1], []
         wide = np.concatenate([np.concatenate([self.columns.gram, more.cross], axis=2),
                                np.concatenate([more.cross.transpose(0, 2, 1), more.gram], axis=2)], axis=1)  # fmt: skip
         g = np.concatenate([self.columns.gradient, more.gradient], axis=1)
-        total, pull, tiny = wide.sum(axis=0), g.sum(axis=0), OWN * np.diag(more.gram.sum(axis=0))
+        total, pull, own = wide.sum(axis=0), g.sum(axis=0), self._own(more)
+        prior = np.diag(total[-k:, -k:] if own is None else own) / self.readings
+
+        def adds(gram: Array, gradient: Array) -> float:
+            beside = self._evidence(variances, gram, gradient, k, prior)
+            return beside - self._evidence(self.variances, gram[:-k, :-k], gradient[:-k], 0)
+
         for part in parts:
             gram, gradient = wide[part].sum(axis=0), g[part].sum(axis=0)
-            without, _ = self._solved(self.variances, (total - gram)[:-k, :-k], (pull - gradient)[:-k], 0)
-            beside, _ = self._solved(variances, total - gram, pull - gradient, k, tiny)
-            found.append(_likelihood(beside, gram, gradient) - _likelihood(without, gram[:-k, :-k], gradient[:-k]))
+            found.append(adds(total, pull) - adds(total - gram, pull - gradient))
         return np.array(found)
 
     def predicted_free(self, k: int, bound: float, parts: Parts) -> Array:

@@ -233,6 +233,7 @@ class Searcher:
         taken = max((named.evidence for named in found.named), default=0.0)
         most = max([taken, *(c.evidence for c in ranked[:1])])  # where that does not predict, nothing small stands
         least = max(thresholds.ANCHORED_EVIDENCE, thresholds.ANCHORED_LATER * most)
+        enough = thresholds.ANCHORED_LATER * max((named.predicted for named in found.named), default=0.0)
         likely: list[Named] = []
         for n, best in enumerate(ranked[:TRIED]):
             patch = best.term.name in self.bounds and best.evidence < taken  # of what a term's form leaves
@@ -240,7 +241,7 @@ class Searcher:
                 continue
             outside = best.term.name in self.bounds
             predicted = self._outside_predicts(found, at, best.term.name) if outside else at.predicted(best)
-            if predicted.worth > 0:
+            if predicted.worth > enough:
                 likely.append(self._named(at, best, [*ranked[:n], *ranked[n + 1 :]], predicted))
         return likely
 

@@ -19,13 +19,12 @@ from numpy.typing import NDArray
 from cobot_joint.diagnosis.plant.at_once import at_once
 from cobot_joint.diagnosis.plant.plant import TermCandidate
 from cobot_joint.diagnosis.state_estimation.estimator import StateEstimator, Tracked
+from cobot_joint.diagnosis.state_estimation.linearisation import POINTS, TURN
 from cobot_joint.diagnosis.state_estimation.native.effect import Answer
 from cobot_joint.diagnosis.state_estimation.native.kalman import respond
 from cobot_joint.system.model import Value
 
 Array = NDArray[np.float64]
-TURN = 0.7  # rad by which a periodic term may turn between two points at which it is looked at
-POINTS = 5  # of these between two samples, where they are needed
 TOGETHER = 16  # combinations of shapes in one pass
 SEEN = 1e-6  # of a column's square: less beside the others is none of its own
 ROUNDS = 4  # of estimating the latent forces' sizes again
@@ -221,11 +220,7 @@ class Evidence:
     ) -> tuple[Array, Array]:
         """(n - 1, states, columns), (n, channels, columns): of a unit of an amplitude, at its neutral value, with other
         values beside it. orders: periods per turn that they have, 0 of none."""
-        t = self.trackings[n]
-        angles = _angles(t, amplitude)
-        fastest = float(np.abs(np.diff(t.tracked.x[:, angles], axis=0)).max(initial=0.0))
-        anywhere = t.estimator.lineariser.gives_derivatives(amplitude.split(".")[0])
-        quick = (np.array(orders) * fastest > TURN) & anywhere
+        quick = np.array([self._quick(n, amplitude, order) for order in orders])
         parts = [np.flatnonzero(quick == inside).tolist() for inside in (False, True)]
         found = [self._answer(n, [amplitude], [values[j] for j in part], inside)
                  for part, inside in zip(parts, (False, True), strict=True) if len(part)]  # fmt: skip
@@ -234,6 +229,13 @@ class Evidence:
         back = np.argsort(np.concatenate(parts))
         psi, direct = (np.concatenate(both, axis=2)[:, :, back] for both in zip(*found, strict=True))
         return psi, direct
+
+    def _quick(self, n: int, name: str, order: float | None = None) -> bool:
+        """Whether a periodic term of the component changes within a step (order None: one that is on), and the unit
+        can be asked there."""
+        t, component = self.trackings[n], name.split(".")[0]
+        lineariser = t.estimator.lineariser
+        return lineariser.turns(t.tracked.piece, component, order) > TURN and lineariser.gives_derivatives(component)
 
     def _answer(
         self, n: int, parameters: Sequence[str], values: Sequence[Mapping[str, Value]], inside: bool
@@ -263,7 +265,8 @@ class Evidence:
                 own = [k for k, name in enumerate(self.parameters) if name.split(".")[0] == component]
                 if self._has(t, component):
                     names = [self.parameters[k] for k in own]
-                    psi[:, :, own], direct[:, :, own] = self._answer(n, names, [{}] * len(own), False)
+                    found = self._answer(n, names, [{}] * len(own), self._quick(n, component))
+                    psi[:, :, own], direct[:, :, own] = found
             return psi, direct
 
         found = at_once(of_one, range(len(self.trackings)))
@@ -290,11 +293,3 @@ class _Columns:
 def combinations(term: TermCandidate) -> Iterator[dict[str, float]]:
     for values in product(*(shape.values for shape in term.shapes)):
         yield {shape.name: value for shape, value in zip(term.shapes, values, strict=True)}
-
-
-def _angles(t: Tracking, parameter: str) -> list[int]:
-    """States of the parameter's unit that are angles."""
-    name = parameter.split(".")[0]
-    unit = t.estimator.sampled.system.component(name).unit
-    states = t.estimator.sampled.states
-    return [j for j, s in enumerate(states) if s.component == name and unit.unit_of(s.variable) == "rad"]

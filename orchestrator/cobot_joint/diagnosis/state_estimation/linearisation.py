@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +17,8 @@ from cobot_joint.system.model import Component, Connection, Value
 
 Array = NDArray[np.float64]
 OF_SAMPLES = frozenset("CDRS")  # what a tangent has per sample; the rest, per step
+TURN = 0.7  # rad by which a periodic term may turn between two points at which it is looked at
+POINTS = 5  # of these between two samples, where they are needed
 
 
 @dataclass(frozen=True)
@@ -130,7 +133,7 @@ class Lineariser:
 
         u = L out, out = G_x x + G_u u + G_d d + G_p theta, thus u = (I - L G_u)^-1 L (G_x x + G_d d + G_p theta)
         """
-        X, Y, T, S = self._joined(piece, rows)
+        X, Y, T, S = self._joined(piece.time[rows], self._known(piece, rows))
         borders = np.cumsum([len(self.followed), len(self.ports)])
         A, B, P = np.split(X, borders, axis=2)
         C, D, R = np.split(Y, borders, axis=2)
@@ -138,22 +141,54 @@ class Lineariser:
 
     def tangent(self, piece: Piece) -> Tangent:
         """From sample to sample: over a step the Jacobians are the means of those at its ends, which takes a contact
-        that closes between them as closed for half of the step."""
-        X, Y, T, S = self._joined(piece, slice(None))
+        that closes between them as closed for half of the step; where something periodic turns by more, of points
+        between them."""
+        known = self._known(piece)
+        X, Y, T, S = self._joined(piece.time, known)
+        quick = any(self.turns(piece, component) > TURN for component in self._orders)
+        X, T = self._between(piece.time, known) if quick else ((X[1:] + X[:-1]) / 2, (T[1:] + T[:-1]) / 2)
         h = float(piece.time[-1] - piece.time[0]) / (len(piece.time) - 1)
-        A, Phi, Hold, inputs, T = linear.steps(X, T, h, self._scale)
+        A, Phi, Hold, inputs = linear.steps(X, h, self._scale)
         n_x, n_d = len(self.followed), len(self.ports)
         C, D, R = Y[:, :, :n_x], Y[:, :, n_x : n_x + n_d], Y[:, :, n_x + n_d :]
         return Tangent(A, Phi, inputs[:, :, :n_d], inputs[:, :, n_d:], C, D, R, Hold, T, S)
+
+    def turns(self, piece: Piece, component: str, order: float | None = None) -> float:
+        """By how many rad a periodic term of a component turns from sample to sample at most; order: periods per turn,
+        None: the highest of those that are on."""
+        unit = self.sampled.system.component(component).unit
+        angles = [j for j, s in enumerate(self.sampled.states)
+                  if s.component == component and unit.unit_of(s.variable) == "rad"]  # fmt: skip
+        fastest = float(np.abs(np.diff(piece.x[:, angles], axis=0)).max(initial=0.0))
+        return fastest * (self._orders.get(component, 0.0) if order is None else order)
+
+    @cached_property
+    def _orders(self) -> dict[str, float]:
+        """Component -> periods per turn of what is on, if any is."""
+        found: dict[str, float] = {}
+        for c in self.sampled.system.components:
+            values = self.sampled.values_of(c.name, np.inf)
+            for term in c.unit.terms:
+                orders = [float(values.get(s.name, 0.0)) for s in term.shapes if s.scan == "order"]
+                if orders and values.get(str(term.amplitude), term.neutral) != term.neutral:
+                    found[c.name] = max(found.get(c.name, 0.0), *orders)
+        return found
+
+    def _between(self, time: Array, known: Array) -> tuple[Array, Array]:
+        """Means over each step of what derivatives go by: (n - 1, states, columns), (n - 1, states, outputs). The known
+        are linear in between."""
+        h, moved = np.diff(time), np.diff(known, axis=0)
+        shares = (np.arange(POINTS) + 0.5) / POINTS
+        every = [self._joined(time[:-1] + share * h, known[:-1] + share * moved) for share in shares]
+        return np.mean([X for X, *_ in every], axis=0), np.mean([T for *_, T, _ in every], axis=0)
 
     def step(self, A: Array, h: float) -> tuple[Array, Array]:
         """Phi and Hold of steps of length h with Jacobians A: (n, states, states)."""
         return linear.exponential(A, h, self._scale)
 
-    def _joined(self, piece: Piece, rows: slice) -> tuple[Array, Array, Array, Array]:
+    def _joined(self, time: Array, known: Array) -> tuple[Array, Array, Array, Array]:
         """Derivatives and channels by states, ports and parameters, and by what is added to the units' outputs: (n,
-        states, columns), (n, channels, columns), (n, states, outputs), (n, channels, outputs)."""
-        time, known = piece.time[rows], self._known(piece, rows)
+        states, columns), (n, channels, columns), (n, states, outputs), (n, channels, outputs). known: (n, variables)"""
         n_x, n_q, _, n_o, n_y, _ = self._sizes
         shapes = (n_x, n_q), (n_y, n_q), (n_x, n_o), (n_y, n_o)
         found = tuple(np.empty((len(time), *shape)) for shape in shapes)

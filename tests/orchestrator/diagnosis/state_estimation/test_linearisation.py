@@ -76,6 +76,20 @@ def test_tangent_by_a_parameter_is_the_difference_of_two_runs(parameter: str, st
     assert_alike(found, expected)
 
 
+def test_tangent_of_a_wave_that_turns_within_a_sample_is_the_difference_of_two_runs() -> None:
+    """23 teeth at 350 rad/s turn by 8 rad per sample: their stiffness at the samples says nothing of the step's."""
+    teeth = {"motor_bldc.cogging.A": 5e-3, "motor_bldc.cogging.n": 23.0}
+    port, d = "motor_bldc.tau_add", 2e-5 * np.sin(2 * np.pi * 3 * clock())
+    with SampledSystem(bench()[0], list(SIGMA), teeth) as sampled:
+        base = sampled.run(sampled.start({}), clock(), inputs(clock()))
+        tangent = Lineariser(sampled, [port]).tangent(base)
+    expected = (run(teeth, {port: d}).y - run(teeth, {port: -d}).y) / 2
+    found = propagate(tangent, d[:, None], np.zeros(0))
+    turning = slice(600, 1500)
+    error, size = (found - expected)[turning], np.std(expected[turning], axis=0)
+    assert np.all(np.std(error, axis=0)[:2] < 0.15 * size[:2])
+
+
 @pytest.mark.parametrize(
     ("port", "size"), [("motor_bldc.tau_add", 2e-4), ("motor_bldc.v_add", 0.02), ("mr_brake_belt.tau_add", 0.02)]
 )
@@ -107,8 +121,8 @@ def test_a_unit_that_lists_no_derivatives_allows_no_state_to_be_set(axis: Path) 
 def test_a_unit_without_directional_derivatives_is_linearised_by_differences(monkeypatch: pytest.MonkeyPatch) -> None:
     """With values that hold from within the run on."""
     time, ports = clock(0.6), ["motor_bldc.tau_add", "mr_brake_belt.tau_add"]
-    onset = {"motor_bldc.cogging.A": 0.3}
-    with SampledSystem(bench()[0], list(SIGMA), COGGING, onset) as sampled:
+    cogging, onset = COGGING | {"motor_bldc.cogging.n": 1.0}, {"motor_bldc.cogging.A": 0.3}
+    with SampledSystem(bench()[0], list(SIGMA), cogging, onset) as sampled:
         piece = sampled.run(sampled.start({}), time, inputs(time))
         expected = Lineariser(sampled, ports, None, ["motor_bldc.rotor.J"]).tangent(piece)
         own = property(lambda self: self.instance.name != "planetary_gear")

@@ -230,17 +230,16 @@ WIDE int linear_exponential(size_t n, size_t m, const double *A, double h, const
 }
 
 WIDE int linear_steps(const LinearSteps *s) {
-  const size_t m = s->m, n_q = s->n_q, n_in = n_q - m, n_T = m * s->n_o;
+  const size_t m = s->m, n_q = s->n_q, n_in = n_q - m;
   double *B = malloc((m * n_in + 1) * sizeof *B);
   if (!B) return -1;
   int status = 0;
   for (size_t k = 0; status == 0 && k < s->n; k++) {
-    const double *X = s->X + k * m * n_q, *end = X + m * n_q, *T = s->T + k * n_T;
     for (size_t i = 0; i < m; i++) {
-      for (size_t j = 0; j < m; j++) s->A[(k * m + i) * m + j] = (X[i * n_q + j] + end[i * n_q + j]) / 2;
-      for (size_t j = 0; j < n_in; j++) B[i * n_in + j] = (X[i * n_q + m + j] + end[i * n_q + m + j]) / 2;
+      const double *X = s->X + (k * m + i) * n_q;
+      memcpy(s->A + (k * m + i) * m, X, m * sizeof *X);
+      memcpy(B + i * n_in, X + m, n_in * sizeof *X);
     }
-    for (size_t i = 0; i < n_T; i++) s->T_mean[k * n_T + i] = (T[i] + T[n_T + i]) / 2;
     status = linear_exponential(1, m, s->A + k * m * m, s->h, s->scale, s->Phi + k * m * m, s->Hold + k * m * m);
     multiply(m, m, n_in, s->Hold + k * m * m, B, s->inputs + k * m * n_in);
   }

@@ -32,13 +32,13 @@ enum { NO_MEMORY = -1, LOOP = -2 }; /* LOOP: of wires, without an answer */
 COSIM_API int linear_jacobians(LinearSystem *s, size_t n, const double *time, const double *known, double *X, double *Y,
                                double *T, double *S);
 
-typedef struct { /* n steps of length h between n + 1 samples; m states, of which `scale` counts as much, n_q columns */
-  size_t n, m, n_q, n_o;
+typedef struct { /* n steps of length h; m states, of which `scale` counts as much, n_q columns */
+  size_t n, m, n_q;
   double h;
-  const double *scale, *X, *T;              /* [m], [n + 1][m][n_q], [n + 1][m][n_o] */
-  double *A, *Phi, *Hold, *inputs, *T_mean; /* [n][m][m] thrice, [n][m][n_q - m], [n][m][n_o]: filled */
+  const double *scale, *X;          /* [m], [n][m][n_q] */
+  double *A, *Phi, *Hold, *inputs; /* [n][m][m] thrice, [n][m][n_q - m]: filled */
 } LinearSteps;
-/* Over a step the Jacobians are the means of those at its ends. 0, or -1: out of memory */
+/* Over a step the Jacobians X are constant. 0, or -1: out of memory */
 COSIM_API int linear_steps(const LinearSteps *s);
 
 /* e^(A h) and its integral from 0 to h; A, E, I: [n][m][m]; scale: [m]. 0, or -1: out of memory */

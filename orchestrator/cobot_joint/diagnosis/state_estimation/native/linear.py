@@ -53,9 +53,9 @@ class _System(ctypes.Structure):
 
 class _Steps(ctypes.Structure):
     _fields_ = [
-        *((f, c_size_t) for f in ("n", "m", "n_q", "n_o")),
+        *((f, c_size_t) for f in ("n", "m", "n_q")),
         ("h", c_double),
-        *((f, c_void_p) for f in ("scale", "X", "T", "A", "Phi", "Hold", "inputs", "T_mean")),
+        *((f, c_void_p) for f in ("scale", "X", "A", "Phi", "Hold", "inputs")),
     ]
 
 
@@ -109,17 +109,16 @@ class System:
         return _Part(ctypes.pointer(self._functions[k]), None, *sizes, inner, outer, columns, factors)
 
 
-def steps(X: Array, T: Array, h: float, scale: Array) -> tuple[Array, Array, Array, Array, Array]:
-    """A, Phi, Hold, what the other columns of X add from sample to sample, and T, of the steps of length h between
-    samples. X: (n, states, columns), T: (n, states, outputs); scale: what counts as much of each state."""
+def steps(X: Array, h: float, scale: Array) -> tuple[Array, Array, Array, Array]:
+    """A, Phi, Hold, and what the other columns of X add from sample to sample, of n steps of length h. X: (n, states,
+    columns), the steps' Jacobians; scale: what counts as much of each state."""
     n, m, n_q = X.shape
-    n_o = T.shape[2]
-    X, T, scale = (np.ascontiguousarray(M, dtype=np.float64) for M in (X, T, scale))
-    A, Phi, Hold, inputs, T_mean = (np.empty((n - 1, m, size)) for size in (m, m, m, n_q - m, n_o))
-    arrays = (scale, X, T, A, Phi, Hold, inputs, T_mean)
-    if _typed_library().linear_steps(ctypes.byref(_Steps(n - 1, m, n_q, n_o, h, *(M.ctypes.data for M in arrays)))):
+    X, scale = (np.ascontiguousarray(M, dtype=np.float64) for M in (X, scale))
+    A, Phi, Hold, inputs = (np.empty((n, m, size)) for size in (m, m, m, n_q - m))
+    arrays = (scale, X, A, Phi, Hold, inputs)
+    if _typed_library().linear_steps(ctypes.byref(_Steps(n, m, n_q, h, *(M.ctypes.data for M in arrays)))):
         raise MemoryError("the tangent")
-    return A, Phi, Hold, inputs, T_mean
+    return A, Phi, Hold, inputs
 
 
 def exponential(A: Array, h: float, scale: Array | None = None) -> tuple[Array, Array]:

@@ -110,6 +110,39 @@ def test_a_term_in_one_block_only_does_not_predict_the_others(rng: np.random.Gen
     assert predicted.sum() - predicted.max() < 0
 
 
+def test_what_is_predicted_of_left_out_parts_is_the_dense_gaussian_given_the_others(rng: np.random.Generator) -> None:
+    """Of a known column that only the last blocks show, too, and of a term that the first ones do not."""
+    known, smooth, _ = drawn(rng)
+    half = ROWS // 2
+    known[:half, 1] = 0
+    wave = np.sin(40 * np.linspace(0, 1, ROWS))[:, None]
+    wave[:half] = 0
+    e = rng.normal(size=ROWS) + known @ [0.3, -0.2] + smooth @ rng.normal(0, 0.3, 8) + 0.8 * wave[:, 0]
+    found = regression(known, smooth, e)
+    more = products(known, smooth, wave, e)
+    added = found.added(more)
+    assert added is not None
+    spread = np.linalg.inv(np.diag(found.precision))
+    base = np.eye(ROWS) + known @ spread @ known.T
+
+    def log_density(K: Array, rows: Array) -> float:
+        V = K[np.ix_(rows, rows)]
+        return float(-0.5 * e[rows] @ np.linalg.solve(V, e[rows]) - 0.5 * np.linalg.slogdet(V)[1])
+
+    def given_the_others(K: Array, part: Array) -> float:
+        every = np.arange(ROWS)
+        return log_density(K, every) - log_density(K, np.setdiff1d(every, part))
+
+    X = np.hstack([known, smooth])
+    own = wave.T @ wave - wave.T @ X @ found.covariance @ X.T @ wave
+    with_it = base + added.variances[0] * smooth @ smooth.T + wave @ wave.T * found.readings / own
+    without = base + found.variances[0] * smooth @ smooth.T
+    halves = [[0, 1], [2, 3]]
+    for part, predicted in zip(halves, found.predicted(more, added.variances, halves), strict=True):
+        rows = np.concatenate([np.arange(b * ROWS // BLOCKS, (b + 1) * ROWS // BLOCKS) for b in part])
+        assert predicted == pytest.approx(given_the_others(with_it, rows) - given_the_others(without, rows), abs=1e-5)
+
+
 def test_a_parameter_beyond_a_bound_predicts_where_all_parts_press_on_it_and_not_where_one_does(
     rng: np.random.Generator,
 ) -> None:

@@ -236,6 +236,7 @@ def _beyond_the_list(
     spend = problem.budget.spend
     formula = partial(look_for_unmodelled, problem, calibrated, listed, say, least)
     unmodelled = spend("formulas", formula) if much else None
+    rival, unmodelled = (unmodelled, None) if unmodelled and unmodelled.as_good else (None, unmodelled)
     if unmodelled and (not background or _leaves_nothing(problem, unmodelled)):
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
     outdone = unmodelled is not None and unmodelled.is_likely and unmodelled.outdoes(problem, listed.fit)
@@ -246,7 +247,7 @@ def _beyond_the_list(
     found = spend("the recorded motion", along) if asked else None
     stands = listed.selected if left < thresholds.REMAINDER * before else []
     if found and stands and found.supports(stands[0].term):
-        return Explanation(calibrated, listed.fit, listed, stands, anchored=found)
+        return Explanation(calibrated, listed.fit, listed, stands, anchored=found, rival=rival)
     claimed = found.claims if found else takes_most
     if unmodelled and unmodelled.is_likely and ((outdone and not (found and lost)) or not claimed):
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
@@ -257,7 +258,7 @@ def _beyond_the_list(
     some = replace(campaign, recordings=some_of(problem, calibrated)[0].recordings)
     lies = partial(where_it_lies, some, problem.plant, kept.fit.run, say)
     rest = spend("where the rest lies", lies) if given and much and follows and not takes_most else None
-    return Explanation(calibrated, kept.fit, listed, kept.selected, background=rest or [])
+    return Explanation(calibrated, kept.fit, listed, kept.selected, background=rest or [], rival=rival)
 
 
 def _followed(campaign: Campaign, problem: Problem, listed: Selection, say: Progress, store: Store) -> Search | None:

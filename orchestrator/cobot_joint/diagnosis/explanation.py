@@ -30,6 +30,7 @@ class Explanation:
     anchored: Search | None = None  # what the recorded motion says, where no model fits to the noise
     misread: Misread | None = None  # a channel whose log explains more than these, or as much as `outside`
     outside: Outside | None = None  # a base parameter beyond its tolerance that leaves no more than listed terms
+    rival: Unmodelled | None = None  # a formula that leaves less than listed terms, yet does not prove them wrong
     background: list[dict[str, object]] = field(default_factory=list)  # where the rest lies, if nothing has a name
 
 
@@ -50,6 +51,8 @@ def answer(problem: Problem, explanation: Explanation) -> Diagnosis:
         findings.append(explanation.unmodelled.finding)
     if explanation.outside:
         findings.append(explanation.outside.finding(problem, before, repaired))
+    if explanation.rival:
+        findings = [_beside(f, explanation.rival) for f in findings]
     if misread:  # which of them it is, the recordings cannot say
         findings = [replace(f, confidence=min(f.confidence, thresholds.WITHHELD)) for f in findings]
     findings = [replace(f, ground=_ground(problem, f, left)) for f in findings]
@@ -76,6 +79,14 @@ def _together(finding: Finding, all_of_them: Sequence[Finding]) -> float:
     beside = [f for f in all_of_them if f.component == finding.component]
     at_its_end = any(e.at for f in beside for e in f.parameters.values())
     return min(finding.confidence, thresholds.WITHHELD) if len(beside) > 1 and at_its_end else finding.confidence
+
+
+def _beside(finding: Finding, rival: Unmodelled) -> Finding:
+    """No claim, if it is one of those in whose place a formula leaves less."""
+    if any(selected.term == finding.term for selected in rival.selected):
+        return finding
+    named = *finding.equivalent[: thresholds.MOST_NAMES - 2], rival.finding.term
+    return replace(finding, confidence=min(finding.confidence, thresholds.WITHHELD), equivalent=named)
 
 
 def _verdict(findings: Sequence[Finding], much_left: bool) -> Verdict:

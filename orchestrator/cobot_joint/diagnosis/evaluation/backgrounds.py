@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import root
 from scipy.signal import lfilter
 
 from cobot_joint.diagnosis.data.recording import Recording
@@ -25,15 +26,18 @@ from cobot_joint.diagnosis.evaluation.synthetic import (
     size_after_refit,
     with_effects,
 )
-from cobot_joint.diagnosis.plant.plant import Plant, Signals
+from cobot_joint.diagnosis.plant.plant import Plant, Signals, SimulationError
 
 Array = NDArray[np.float64]
 Rng = np.random.Generator
+Components = tuple[str, ...]
 MOTOR, BRAKE = "motor_bldc", "mr_brake_belt"
 LEVELS = (0.4, 1.7)  # sigma over all samples that a background leaves after a re-fit, even in its logarithm
 OVER = (1.6, 20.0)  # times the background that an effect is, the same
 DRAWS = 8  # of effects, until all are as large as they should be
-ROUNDS = 4  # of simulating with what depends on the motion that it changes
+ROUNDS = 4  # of coming nearer to a size
+SETTLED = 0.003  # rms, share to which what depends on the motion is that of the motion that it changes ...
+TURNS = 12  # ... within so many simulations
 RISE = 0.05  # s in which it begins
 CLOSE = 0.2  # share to which a background has the size drawn, and an effect that is on no list
 UNLISTED = 0.2  # of the effects are on no list
@@ -71,7 +75,7 @@ def family(rng: Rng) -> tuple[Part, ...]:
 class Unlisted:
     """An effect that is on no list. components: where a force does the same. size: as that of Concealed."""
 
-    components: tuple[str, ...]
+    components: Components
     size: float
 
 
@@ -113,7 +117,7 @@ def _drift(port: str, speed: str, size: float, rng: Rng) -> Part:
     return Part(port, of)
 
 
-def off_the_list(rng: Rng) -> tuple[tuple[str, ...], Part]:
+def off_the_list(rng: Rng) -> tuple[Components, tuple[Part]]:
     """(components where a force does the same, a torque that is on no list): a drag over speed, rough places, teeth."""
     motor = rng.random() < 0.5
     unit, speed, angle, span = (MOTOR, "w", "phi", 500.0) if motor else (BRAKE, "w_b", "phi_b", 15.0)
@@ -130,7 +134,8 @@ def off_the_list(rng: Rng) -> tuple[tuple[str, ...], Part]:
     if own.random() < 1 / (1 + len(forms)):
         form = lambda w, phi: np.sin(N * phi + phase) * np.tanh(w / slow)  # noqa: E731 - as those above
     components = (MOTOR, "planetary_gear") if motor else (BRAKE,)
-    return components, Part(f"{unit}.tau_add", lambda s, t: -1e-3 * form(s[f"{unit}.{speed}"], s[f"{unit}.{angle}"]))
+    part = Part(f"{unit}.tau_add", lambda s, t: -1e-3 * form(s[f"{unit}.{speed}"], s[f"{unit}.{angle}"]))
+    return components, (part,)
 
 
 class FieldConcealer:
@@ -143,22 +148,21 @@ class FieldConcealer:
         """A machine with so many effects."""
         bench = self.concealer.bench(rng)
         samples = float(np.sqrt(bench.problem.samples))
-        background, size = self._sized(bench, family(rng), _between(LEVELS, rng) * samples)
+        _, background, size = self._sized(bench, lambda: ((), family(rng)), _between(LEVELS, rng) * samples)
         over = _between(OVER, rng) * size
         listed = effects - int(rng.binomial(effects, UNLISTED))
         misstated = self._misstated(bench, listed, over, rng.spawn(1)[0])
         listed -= len(misstated)
         concealed = self._as_large(bench, listed, over, rng)
-        parts, unlisted = list(background), []
+        parts, unlisted = list(background), list[Unlisted]()
         for _ in range(effects - listed - len(misstated)):
-            components, part = off_the_list(rng)
-            sized, reached = self._sized(bench, [part], over)
+            components, sized, reached = self._sized(bench, lambda: off_the_list(rng), over)
             parts += sized
             unlisted.append(Unlisted(components, reached))
         run = bench.healthy.run.with_values({m.name: m.value for m in misstated})
         run = with_effects(run, [c.active for c in concealed])
-        drawn = bench.recorded(self._outputs(bench, parts, run, ROUNDS), concealed, rng)
-        return FieldDrawn(drawn, size / samples, tuple(unlisted), tuple(misstated))
+        outputs, _ = self._moved(bench, parts, run)
+        return FieldDrawn(bench.recorded(outputs, concealed, rng), size / samples, tuple(unlisted), tuple(misstated))
 
     def _misstated(self, bench: Bench, effects: int, wanted: float, rng: Rng) -> list[Misstated]:
         """At most one of so many effects."""
@@ -173,26 +177,66 @@ class FieldConcealer:
                 break
         return concealed
 
-    def _sized(self, bench: Bench, parts: Sequence[Part], wanted: float) -> tuple[list[Part], float]:
-        """Parts so large that a re-fit leaves about the wanted root of chi-square, and what it leaves."""
-        size, sized = 0.0, list(parts)
-        for _ in range(ROUNDS):
-            outputs = self._outputs(bench, sized, bench.healthy.run, 2)
-            size = size_after_refit(bench.healthy, bench.problem.whiten(outputs) - bench.healthy.simulated.white)
-            if abs(size / wanted - 1) < CLOSE:
-                break
-            sized = [part.times(float(np.clip(wanted / max(size, 1e-6), 0.05, 20))) for part in sized]
-        return sized, size
+    def _sized(
+        self, bench: Bench, draw: Callable[[], tuple[Components, Sequence[Part]]], wanted: float
+    ) -> tuple[Components, list[Part], float]:
+        """What was drawn, so large that a re-fit leaves about the wanted root of chi-square, and what it leaves. It is
+        drawn again where it leads to no motion that it goes by."""
+        for _ in range(DRAWS):
+            components, parts = draw()
+            sized = list(parts)
+            for _ in range(ROUNDS):
+                outputs, settled = self._moved(bench, sized, bench.healthy.run)
+                if not settled:
+                    break
+                size = size_after_refit(bench.healthy, bench.problem.whiten(outputs) - bench.healthy.simulated.white)
+                if abs(size / wanted - 1) < CLOSE:
+                    return components, sized, size
+                sized = [part.times(float(np.clip(wanted / max(size, 1e-6), 0.05, 20))) for part in sized]
+        raise RuntimeError(f"none of {DRAWS} draws can be so large")
 
-    def _outputs(self, bench: Bench, parts: Sequence[Part], run: Run, rounds: int) -> list[Signals]:
-        """With the background along the motion that it leads to."""
-        problem = bench.problem
+    def _moved(self, bench: Bench, parts: Sequence[Part], run: Run) -> tuple[list[Signals], bool]:
+        """Outputs with parts that go by the motion that they lead to, and whether there is one: a drag of its own
+        motion is none of the motion before it, and may lead further from it with every simulation.
+
+        Anderson 1965, J. ACM 12(4); scipy.optimize.anderson.
+        """
+        problem, plant = bench.problem, bench.problem.plant
+
+        def along(outputs: Sequence[Signals]) -> list[Signals]:
+            pairs = zip(problem.recordings, outputs, strict=True)
+            return [_added(parts, o, r, plant) for r, o in pairs]
+
         outputs = problem.outputs(run, SIGNALS)
-        for _ in range(rounds):
-            added = {r.name: _added(parts, o, r, problem.plant)
-                     for r, o in zip(problem.recordings, outputs, strict=True)}  # fmt: skip
-            outputs = problem.outputs(replace(run, added=added), SIGNALS)
-        return outputs
+        first = along(outputs)
+        places = [(n, port) for n, signals in enumerate(first) for port in signals]
+        scales = {port: float(np.sqrt(np.mean(np.concatenate([s[port] for s in first if port in s]) ** 2))) or 1.0
+                  for _, port in places}  # fmt: skip
+
+        def flat(added: Sequence[Signals]) -> Array:
+            return np.concatenate([added[n][port] / scales[port] for n, port in places])
+
+        def further(x: Array) -> Array:
+            nonlocal outputs
+            at = iter(np.split(x, np.cumsum([len(first[n][port]) for n, port in places])[:-1]))
+            added: list[Signals] = [{} for _ in first]
+            for n, port in places:
+                added[n][port] = next(at) * scales[port]
+            run_with = {r.name: a for r, a in zip(problem.recordings, added, strict=True)}
+            outputs = problem.outputs(replace(run, added=run_with), SIGNALS)
+            return flat(along(outputs)) - x
+
+        options = {"maxiter": TURNS, "fatol": SETTLED, "tol_norm": _rms, "line_search": None,
+                   "jac_options": {"alpha": 1.0, "M": 5}}  # fmt: skip
+        try:
+            found = root(further, flat(first), method="anderson", options=options)
+        except SimulationError:
+            return outputs, False
+        return outputs, bool(found.success)
+
+
+def _rms(x: Array) -> float:
+    return float(np.sqrt(np.mean(x**2)))
 
 
 def _added(parts: Sequence[Part], signals: Signals, recording: Recording, plant: Plant) -> Signals:

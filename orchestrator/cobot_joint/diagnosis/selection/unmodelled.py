@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from cobot_joint.diagnosis import thresholds
@@ -38,12 +38,17 @@ Say = Callable[[str], None]
 
 @dataclass
 class Unmodelled:
-    """The finding, the fit with it, and the listed terms that stay beside it."""
+    """The finding, the fit with it, and the listed terms that stay beside it.
+
+    taken: share of the excess. as_good: it leaves less than the listed terms that it would replace, but not so much
+    less that these are wrong.
+    """
 
     fit: Fit
     selected: list[Selected]
     finding: Finding
-    taken: float  # share of the excess
+    taken: float
+    as_good: bool = False
 
     @property
     def is_formula(self) -> bool:
@@ -117,7 +122,7 @@ def look_for_unmodelled(
     say("looking for an effect that is on no list, port by port")
     alone = _look(problem, calibrated, [], say, least)
     if terms and left < thresholds.TERMS_STAND * before:
-        return alone if alone is not None and _worth_more(problem, alone, calibrated, listed) else None
+        return _in_place(problem, alone, listed) or _in_place_of_the_last(problem, listed, say, least)
     if alone is not None and (alone.taken > thresholds.ALONE or not terms):
         return alone
     if left < (1 - thresholds.HOLDS) * before:
@@ -127,19 +132,34 @@ def look_for_unmodelled(
     return alone if alone is not None and _outweighs(problem, alone, left, terms) else None
 
 
-def _worth_more(problem: Problem, alone: Unmodelled, calibrated: Fit, listed: Selection) -> bool:
-    """Whether it leaves so much less than the listed terms that its freedom does not account for it.
+def _in_place(problem: Problem, alone: Unmodelled | None, listed: Selection) -> Unmodelled | None:
+    """Alone instead of listed terms, where it leaves so much less that its freedom does not account for it, or less.
 
     A formula follows whatever the data show; one term whose form is somewhat off is still the right name, unless what
     it leaves stands out, while several may be patches. What is left counts once per feature or term.
     """
-    before, left = problem.excess(calibrated.residual), problem.excess(listed.fit.residual)
-    terms = len(listed.selected)
-    proof = 0.0 if problem.stands_out(listed.fit.residual) else thresholds.NO_PROOF * before
-    rest = max(problem.excess(alone.fit.residual), problem.excess_scatter, proof)
-    if terms == 1:
-        return left > thresholds.TIMES_LESS * _freedom(alone) * rest
-    return _outweighs(problem, alone, left, terms)
+    if alone is None:
+        return None
+    before, left = problem.excess(listed.history[0].residual), problem.excess(listed.fit.residual)
+    terms, stands_out = len(listed.selected), problem.stands_out(listed.fit.residual)
+    if terms > 1:
+        return alone if _outweighs(problem, alone, left, terms) else None
+    rest = max(problem.excess(alone.fit.residual), problem.excess_scatter)
+    proven = max(rest, 0.0 if stands_out else thresholds.NO_PROOF * before)
+    if left > thresholds.TIMES_LESS * _freedom(alone) * proven:
+        return alone
+    less = stands_out and alone.is_likely and left > _freedom(alone) * rest
+    return replace(alone, as_good=True) if less else None
+
+
+def _in_place_of_the_last(problem: Problem, listed: Selection, say: Say, least: float) -> Unmodelled | None:
+    """Instead of the last of several listed terms, where these leave what stands out: the first may be right, and the
+    last a patch of what is on no list."""
+    if len(listed.selected) < 2 or not problem.stands_out(listed.fit.residual):
+        return None
+    first = listed.up_to(len(listed.selected) - 1)
+    found = _look(problem, first.fit, first.selected, say, least)
+    return found and _in_place(problem, found, Selection([first.fit, listed.fit], listed.selected[-1:]))
 
 
 def _outweighs(problem: Problem, alone: Unmodelled, left: float, terms: int) -> bool:

@@ -161,7 +161,7 @@ class FieldConcealer:
             unlisted.append(Unlisted(components, reached))
         run = bench.healthy.run.with_values({m.name: m.value for m in misstated})
         run = with_effects(run, [c.active for c in concealed])
-        outputs, _ = self._moved(bench, parts, run)
+        outputs, _ = self.moved(bench, parts, run)
         return FieldDrawn(bench.recorded(outputs, concealed, rng), size / samples, tuple(unlisted), tuple(misstated))
 
     def _misstated(self, bench: Bench, effects: int, wanted: float, rng: Rng) -> list[Misstated]:
@@ -186,7 +186,7 @@ class FieldConcealer:
             components, parts = draw()
             sized = list(parts)
             for _ in range(ROUNDS):
-                outputs, settled = self._moved(bench, sized, bench.healthy.run)
+                outputs, settled = self.moved(bench, sized, bench.healthy.run)
                 if not settled:
                     break
                 size = size_after_refit(bench.healthy, bench.problem.whiten(outputs) - bench.healthy.simulated.white)
@@ -195,7 +195,7 @@ class FieldConcealer:
                 sized = [part.times(float(np.clip(wanted / max(size, 1e-6), 0.05, 20))) for part in sized]
         raise RuntimeError(f"none of {DRAWS} draws can be so large")
 
-    def _moved(self, bench: Bench, parts: Sequence[Part], run: Run) -> tuple[list[Signals], bool]:
+    def moved(self, bench: Bench, parts: Sequence[Part], run: Run) -> tuple[list[Signals], bool]:
         """Outputs with parts that go by the motion that they lead to, and whether there is one: a drag of its own
         motion is none of the motion before it, and may lead further from it with every simulation.
 

@@ -11,10 +11,11 @@ import pytest
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.evaluation import backgrounds
 from cobot_joint.diagnosis.evaluation.background_count import Draws, counted, judge, tables
-from cobot_joint.diagnosis.evaluation.backgrounds import CLOSE, LEVELS, OVER, FieldConcealer, FieldDrawn
+from cobot_joint.diagnosis.evaluation.backgrounds import CLOSE, LEVELS, OVER, FieldConcealer, FieldDrawn, Part
 from cobot_joint.diagnosis.evaluation.synthetic import Concealer
 from cobot_joint.diagnosis.findings import Diagnosis, Finding
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
+from cobot_joint.diagnosis.plant.plant import Signals
 
 PATTERN = Path(__file__).parents[4] / "proof" / "open" / "case14" / "campaign.toml"
 
@@ -39,6 +40,33 @@ def test_backgrounds_and_effects_have_the_sizes_drawn_and_are_drawn_again_alike(
     for a, b in zip(recordings, other.drawn.campaign.recordings, strict=True):
         for channel, y in a.outputs.items():
             np.testing.assert_array_equal(y, b.outputs[channel])
+
+
+def test_a_drag_drawn_goes_by_the_motion_that_it_leads_to() -> None:
+    """Simulated with the drag of its own motion, the machine moves as drawn; one simulation after another, each with
+    the drag of the motion before, is not there yet after four."""
+    drag = Part("mr_brake_belt.tau_add", lambda s, t: -0.2 * s["mr_brake_belt.w_b"])
+    campaign = load_campaign(PATTERN, roles=("train",))
+    with FmuPlant(campaign.systems()) as plant:
+        concealer = FieldConcealer(Concealer(campaign, plant, 2.0))
+        bench = concealer.concealer.bench(np.random.default_rng(1))
+        problem, run = bench.problem, bench.healthy.run
+
+        def again(outputs: list[Signals]) -> list[Signals]:
+            added = {r.name: {drag.port: drag.of(o, r.time)} for r, o in zip(problem.recordings, outputs, strict=True)
+                     if plant.has(drag.port, r)}  # fmt: skip
+            return problem.outputs(replace(run, added=added), backgrounds.SIGNALS)
+
+        def off(one: list[Signals], other: list[Signals]) -> float:
+            return max(float(np.std(a["i_motor"] - b["i_motor"])) for a, b in zip(one, other, strict=True))
+
+        found, settled = concealer.moved(bench, [drag], run)
+        naive = [problem.outputs(run, backgrounds.SIGNALS)]
+        for _ in range(4):
+            naive.append(again(naive[-1]))
+        assert settled
+        assert off(found, again(found)) < 0.02
+        assert off(*naive[-2:]) > 0.1
 
 
 def test_a_data_sheet_is_wrong_by_as_much_as_an_effect_would_be(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,25 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cobot_joint.cosim import Experiment, Simulation
+from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.candidates import formulas
 from cobot_joint.diagnosis.candidates.formulas import Dictionary
 from cobot_joint.diagnosis.data.campaign import Campaign, load_campaign
 from cobot_joint.diagnosis.engine import diagnose_plant, identify
 from cobot_joint.diagnosis.estimation.calibrate import calibrate
+from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.port_response import respond
-from cobot_joint.diagnosis.estimation.problem import Vector, one_blas_thread
+from cobot_joint.diagnosis.estimation.problem import Problem, Vector, one_blas_thread
 from cobot_joint.diagnosis.estimation.projection import Projection
+from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.plant.correction import Factor, Product
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.repair.repair import repair
-from cobot_joint.diagnosis.selection.stepwise import Selection
-from cobot_joint.diagnosis.selection.unmodelled import look_for_unmodelled
+from cobot_joint.diagnosis.selection import unmodelled
+from cobot_joint.diagnosis.selection.stepwise import Selected, Selection
+from cobot_joint.diagnosis.selection.unmodelled import Unmodelled, look_for_unmodelled
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.system.model import Inputs
 from cobot_joint.system.read import load_system
@@ -30,6 +35,7 @@ from tests.orchestrator.diagnosis.foreign import Foreign, conceal
 
 OPEN = Path(__file__).parents[4] / "proof/open"
 OFF = {"axis.J": 1.04e-3, "axis.d": 1.9e-3, "axis.tau_C": 0.0206}  # inside the tolerances
+CUBE = Feature(Product((Factor("w", "u3"),)), Estimate(1.0, "N.m", (0.9, 1.1)))
 Effect = Callable[[Vector, Vector], Vector]  # of speed and angle
 
 
@@ -70,6 +76,44 @@ def test_a_listed_term_that_leaves_what_stands_out_is_held_against_a_formula() -
     form = found.findings[0].shape
     assert form is not None
     assert "w^3" in [str(f.form) for f in form.features]
+
+
+def test_a_formula_that_leaves_less_than_what_it_does_not_outdo_is_said_beside_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The same drag, were a formula asked to leave a billionth"""
+    monkeypatch.setattr(thresholds, "TIMES_LESS", 1e9)
+    (found,) = diagnose_plant(concealed(lambda w, phi: -1e-7 * w**3), Axis()).findings
+    assert (found.term, found.equivalent) == ("axis.windage", ("axis.unlisted",))
+    assert found.confidence <= 0.45
+
+
+@pytest.mark.parametrize(("leaves", "answer"), [(1.0, "in its place"), (2.5, "as good"), (4.0, "none")])
+def test_the_last_of_several_terms_is_held_against_a_formula_where_they_leave_what_stands_out(
+    leaves: float, answer: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They leave sixteen times the noise's chi-square, all of it slow; a formula of one feature in the last one's place
+    leaves so many roots of it"""
+    with one_blas_thread():
+        problem, base = calibrate(campaign(OFF), Axis(), lambda words: None, Store(None))
+    ones = np.ones_like(base.residual)
+    fits = [replace(base, residual=size * ones, chi2=size**2 * len(ones)) for size in (40.0, 20.0, 4.0)]
+    terms = [Selected("axis.windage", 1e6), Selected("axis.cogging", 1e5)]
+    listed = Selection(fits, terms)
+    finding = Finding("axis.unlisted", (), 0.9, None, {}, {}, 1e5, shape=Form("", "", (), (CUBE,), 0.9))
+
+    def look(problem: Problem, start: Fit, selected: list[Selected], *_: object) -> Unmodelled | None:
+        if start is fits[0]:
+            return None
+        left = replace(base, residual=leaves * ones, chi2=leaves**2 * len(ones))
+        return Unmodelled(left, selected, finding, 0.9)
+
+    monkeypatch.setattr(unmodelled, "_look", look)
+    found = look_for_unmodelled(problem, fits[0], listed, lambda words: None)
+    assert (found is None) == (answer == "none")
+    if found is not None:
+        assert found.selected == terms[:1]
+        assert found.as_good == (answer == "as good")
 
 
 def test_teeth_show_at_the_recorded_angle_where_free_runs_have_lost_it(monkeypatch: pytest.MonkeyPatch) -> None:

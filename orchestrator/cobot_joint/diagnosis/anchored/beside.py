@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.background import Group, Of, background
 from cobot_joint.diagnosis.anchored.regression import Added, Columns, Products, Regression
 from cobot_joint.diagnosis.plant.at_once import at_once
@@ -60,10 +61,14 @@ class Predicted:
 
     @property
     def worth(self) -> float:
-        """In all: of blocks as far as it does not hang on one, or of recordings, if that is less. Where one recording
-        alone answers, no other could have told of it."""
+        """In all: of blocks as far as it does not hang on one, or of recordings, if that is less; of the recording that
+        is worst predicted, if it contradicts the others. Where one recording alone answers, no other could have told.
+        """
         blocks, acts = trimmed_sum(self.blocks), np.abs(self.recordings) > SILENT
-        return blocks if acts.sum() < 2 else min(blocks, float(self.recordings.sum()))
+        if acts.sum() < 2:
+            return blocks
+        worst = float(self.recordings.min())
+        return worst if worst < -thresholds.ANCHORED_ALIKE else min(blocks, float(self.recordings.sum()))
 
 
 class Beside:

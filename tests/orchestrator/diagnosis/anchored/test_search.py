@@ -137,8 +137,8 @@ def test_the_search_begins_where_the_recordings_are_more_likely(times: float, be
 
 @pytest.mark.parametrize(
     ("recordings", "worth"),
-    [([30.0, 40.0, 20.0], 90.0), ([-30.0, 20.0, 5.0], -5.0), ([0.0, 200.0], 120.0), ([], 120.0)],
+    [([30.0, 40.0, 20.0], 90.0), ([-30.0, 50.0, 5.0], -30.0), ([-3.0, 50.0, 5.0], 52.0), ([0.0, 200.0], 120.0), ([], 120.0)],
 )
-def test_what_predicts_its_own_recording_only_is_worth_nothing(recordings: list[float], worth: float) -> None:
+def test_what_predicts_its_own_recording_only_or_contradicts_another_is_worth_nothing(recordings: list[float], worth: float) -> None:
     blocks = np.array([10.0, 50.0, 70.0, 90.0])
     assert Predicted(blocks, np.array(recordings)).worth == worth

@@ -10,7 +10,7 @@ from functools import partial
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.answer import diagnosis as anchored_diagnosis
 from cobot_joint.diagnosis.anchored.follow import can_follow, follow, motion_is_given, where_it_lies
-from cobot_joint.diagnosis.anchored.free_runs import in_free_runs
+from cobot_joint.diagnosis.anchored.free_runs import beside_listed, in_free_runs
 from cobot_joint.diagnosis.anchored.search import Search
 from cobot_joint.diagnosis.budget import Budget
 from cobot_joint.diagnosis.candidates.scan_ranges import driven
@@ -32,7 +32,8 @@ from cobot_joint.diagnosis.selection.mistimed import look_for_mistiming
 from cobot_joint.diagnosis.selection.outside import look_outside
 from cobot_joint.diagnosis.selection.some_recordings import some_of
 from cobot_joint.diagnosis.selection.stepwise import Selected, Selection, Selector, prune, worth_naming
-from cobot_joint.diagnosis.selection.unmodelled import Unmodelled, look_for_unmodelled
+from cobot_joint.diagnosis.selection.unlisted.held_against import look_beside, look_for_unmodelled
+from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.errors import UserError, among
 
@@ -150,7 +151,9 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     if outside is None or (found.unmodelled and found.unmodelled.outdoes(problem, outside.fit)):
         return found
     as_good = misread if misread and misread.as_good(problem, found.calibrated, outside.gain) else None
-    explained = Explanation(found.calibrated, outside.fit, outside.selection, outside.selection.selected)
+    beside = problem.budget.spend("formulas", lambda: look_beside(problem, outside.selection, say))
+    fit = beside.fit if beside else outside.fit
+    explained = Explanation(found.calibrated, fit, outside.selection, outside.selection.selected, beside)
     return replace(explained, outside=outside, misread=as_good)
 
 
@@ -242,9 +245,12 @@ def _beyond_the_list(
     outdone = unmodelled is not None and unmodelled.is_likely and unmodelled.outdoes(problem, listed.fit)
     # In free runs the angle that a listed term goes by is lost; a formula along the recorded motion has it.
     lost = bool(outdone and unmodelled and unmodelled.is_wave)
-    asked = much and follows and not given and (lost or not takes_most)
+    asked = much and follows and not given
     along = partial(_followed, campaign, problem, listed, say, store)
-    found = spend("the recorded motion", along) if asked else None
+    found = spend("the recorded motion", along) if asked and (lost or doubtful or not takes_most) else None
+    if found and takes_most and not unmodelled and (both := beside_listed(problem, listed, found)):
+        return Explanation(calibrated, both[0], listed, both[1], anchored=found)
+    found = found if lost or not takes_most else None
     stands = listed.selected if left < thresholds.REMAINDER * before else []
     if found and stands and found.supports(stands[0].term):
         return Explanation(calibrated, listed.fit, listed, stands, anchored=found, rival=rival)

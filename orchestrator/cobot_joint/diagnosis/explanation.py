@@ -15,7 +15,7 @@ from cobot_joint.diagnosis.selection.confidence import COUNTED_TERMS, beside_bac
 from cobot_joint.diagnosis.selection.misreading import Misread
 from cobot_joint.diagnosis.selection.outside import Outside
 from cobot_joint.diagnosis.selection.stepwise import Selected, Selection
-from cobot_joint.diagnosis.selection.unmodelled import Unmodelled
+from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 
 
 @dataclass
@@ -102,9 +102,18 @@ def _sure(problem: Problem, explanation: Explanation, selected: Selected, left: 
     motion says. What tens of rows leave is little in itself, so that of a table the share alone counts."""
     rows = problem.is_table and problem.unexplained(explanation.fit.residual)
     much = rows or left > thresholds.CLEARLY_LEFT * problem.excess_scatter
-    beside = sure_beside_background(problem, explanation.selection).get(selected.term, 0.0) if much else 0.0
+    beside = sure_beside_background(problem, _with_formula(explanation)).get(selected.term, 0.0) if much else 0.0
     along = explanation.anchored.supports(selected.term) if explanation.anchored else 0.0
     return beside if rows else max(confidence(selected.gain, left), beside, along)
+
+
+def _with_formula(explanation: Explanation) -> Selection:
+    """What was selected, a formula among it, which leaves less than the listed terms that it replaces."""
+    formula = explanation.unmodelled
+    if formula is None or not explanation.selected:
+        return explanation.selection
+    every = [*explanation.selected, Selected(formula.finding.term, formula.finding.gain)]
+    return replace(explanation.selection, history=[explanation.calibrated, explanation.fit], selected=every)
 
 
 def _ground(problem: Problem, finding: Finding, left: float) -> Ground:

@@ -7,14 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.beside import Candidate
-from cobot_joint.diagnosis.anchored.search import Search
+from cobot_joint.diagnosis.anchored.search import Search, confidence
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.least_squares import fit_added
 from cobot_joint.diagnosis.estimation.problem import Problem, Run
 from cobot_joint.diagnosis.findings import Diagnosis
 from cobot_joint.diagnosis.selection.competition import finished
+from cobot_joint.diagnosis.selection.stepwise import Selected, Selection
 
 
 def in_free_runs(problem: Problem, found: Diagnosis, search: Search, refit: Fit, units: Mapping[str, str]) -> Diagnosis:
@@ -39,6 +41,25 @@ def in_free_runs(problem: Problem, found: Diagnosis, search: Search, refit: Fit,
             for f in found.findings
         ]
     return found
+
+
+def beside_listed(problem: Problem, listed: Selection, search: Search) -> tuple[Fit, list[Selected]] | None:
+    """Listed terms that take most of free runs, and what the recorded motion claims beside them, fitted together: free
+    runs lose the angle that teeth go by, and what a large drag leaves of it is theirs to find.
+
+    None: it claims nothing else, or free runs are no better for it.
+    """
+    known = {name for s in listed.selected for name in (s.term, *s.alike)} | set(listed.indistinguishable)
+    terms = {term.name for term in problem.plant.terms}
+    claimed = [n for n in search.named if n.name in terms - known and confidence(n) >= thresholds.EVEN]
+    at, selected = listed.fit, list(listed.selected)
+    values = {name: estimate.value for name, estimate in search.repaired.items()}
+    for named in claimed:
+        found = fit_added(problem, at, [_as_repaired(named.candidate, values)], finished(jacobians=1))
+        if found is not None and at.cost - found.cost > problem.evidence:
+            selected.append(Selected(named.name, at.cost - found.cost, dict.fromkeys(named.alike, 0.0)))
+            at = found
+    return (at, selected) if at is not listed.fit else None
 
 
 def _left(problem: Problem, values: Mapping[str, float], onsets: Mapping[str, float]) -> float:

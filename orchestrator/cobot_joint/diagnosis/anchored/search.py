@@ -66,11 +66,15 @@ class Named:
 
 
 def confidence(named: Named) -> float:
-    """0..1, by the evidence as far as it predicts, and by how near the best of the others came."""
+    """0..1, by the evidence as far as it predicts, and by how near the best of the others came.
+
+    No claim where following the recordings with it gives less than half of what its linear share promised.
+    """
     share = max(named.next_best, 0.0) / max(named.evidence, 1.0)
     proven = max(min(named.evidence, named.predicted), 1.0)
     score = INTERCEPT + COEFFICIENT * math.log10(proven) + NEXT_BEST * share
-    return round(min(1 / (1 + math.exp(-score)), MOST if share < 1 else thresholds.WITHHELD), 3)
+    stands = share < 1 and named.in_all >= thresholds.HOLDS * named.evidence
+    return round(min(1 / (1 + math.exp(-score)), MOST if stands else thresholds.WITHHELD), 3)
 
 
 @dataclass

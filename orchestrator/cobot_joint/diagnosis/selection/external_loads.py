@@ -33,7 +33,7 @@ from cobot_joint.diagnosis.plant.correction import Product
 from cobot_joint.diagnosis.plant.plant import PROBE, Port
 from cobot_joint.diagnosis.selection.confidence import beside_background, confidence
 from cobot_joint.diagnosis.selection.stepwise import Selected, Selection, share
-from cobot_joint.diagnosis.selection.unmodelled import Unmodelled
+from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 
 FITTED = 4  # proposals at most
 

@@ -325,24 +325,26 @@ class Selector:
             needed = max(self.problem.evidence, thresholds.STILL_NEEDED * term.gain)
             if loss_without(best, term.term) > thresholds.NEEDS_NO_FIT * needed:
                 continue
-            found = self._without(best.settled(), term.term)
+            found = without_terms(self.problem, best, {term.term})
             if found is not None and found.cost - best.cost < needed:
                 self.progress(f"{term.term} is no longer needed")
                 best, selected = found, [s for s in selected if s is not term]
         return best, selected
 
-    def _without(self, at: Fit, name: str) -> Fit | None:
-        """A settled fit without one of its terms."""
-        gone = [e for e in at.hypothesis.effects if isinstance(e, ActiveTerm) and e.name == name]
-        less = replace(at.hypothesis, effects=tuple(e for e in at.hypothesis.effects if e not in gone))
-        names = [c.names[0] for c in less.coordinates]
-        kept = [k for k, c in enumerate(at.hypothesis.coordinates) if c.names[0] in names]
-        return fit(self.problem, less, at.x[kept], at.jacobian[:, kept], REDUCED)
-
     def as_good(self, fit: Fit, best: Fit) -> bool:
         """Whether a fit cannot be told from the best."""
         left = max(self.problem.excess(best.residual), 0.0)
         return fit.cost - best.cost < thresholds.ALIKE + thresholds.ALIKE_SHARE * left
+
+
+def without_terms(problem: Problem, best: Fit, names: Collection[str]) -> Fit | None:
+    """A fit without some of its terms, all else re-fitted. None: it cannot be simulated."""
+    at = best.settled()
+    others = tuple(e for e in at.hypothesis.effects if not (isinstance(e, ActiveTerm) and e.name in names))
+    less = replace(at.hypothesis, effects=others)
+    left = [c.names[0] for c in less.coordinates]
+    kept = [k for k, c in enumerate(at.hypothesis.coordinates) if c.names[0] in left]
+    return fit(problem, less, at.x[kept], at.jacobian[:, kept], REDUCED)
 
 
 def loss_without(best: Fit, name: str) -> float:

@@ -55,11 +55,16 @@ def search(values: Mapping[str, float]) -> Search:
         return found.search({})
 
 
-@pytest.mark.parametrize(("rival", "claimed"), [(500.0, True), (2571.0, False)])
-def test_a_name_whose_rival_has_more_evidence_and_does_not_predict_is_no_claim(rival: float, claimed: bool) -> None:
-    """A drawn torque ripple failed in one of two recordings, and cogging with a third of its evidence was 97 % sure"""
+@pytest.mark.parametrize(
+    ("rival", "in_all", "claimed"), [(500.0, 900.0, True), (2571.0, 900.0, False), (500.0, 120.0, False)]
+)
+def test_a_name_whose_rival_has_more_evidence_or_that_is_worth_little_once_it_is_on_is_no_claim(
+    rival: float, in_all: float, claimed: bool
+) -> None:
+    """A drawn torque ripple failed in one of two recordings, and cogging with a third of its evidence was 97 % sure; a
+    background's wave of 659 nats was worth 87 as torque ripple, 90 % sure"""
     candidate: Any = SimpleNamespace(evidence=890.0)
-    assert (confidence(Named(candidate, (), rival, 474.0, {})) >= thresholds.EVEN) == claimed
+    assert (confidence(Named(candidate, (), rival, 474.0, {}, in_all)) >= thresholds.EVEN) == claimed
 
 
 @pytest.mark.parametrize(("evidence", "names"), [(22.0, []), (300.0, ["small"])])
@@ -137,8 +142,16 @@ def test_the_search_begins_where_the_recordings_are_more_likely(times: float, be
 
 @pytest.mark.parametrize(
     ("recordings", "worth"),
-    [([30.0, 40.0, 20.0], 90.0), ([-30.0, 50.0, 5.0], -30.0), ([-3.0, 50.0, 5.0], 52.0), ([0.0, 200.0], 120.0), ([], 120.0)],
+    [
+        ([30.0, 40.0, 20.0], 90.0),
+        ([-30.0, 50.0, 5.0], -30.0),
+        ([-3.0, 50.0, 5.0], 52.0),
+        ([0.0, 200.0], 120.0),
+        ([], 120.0),
+    ],
 )
-def test_what_predicts_its_own_recording_only_or_contradicts_another_is_worth_nothing(recordings: list[float], worth: float) -> None:
+def test_what_predicts_its_own_recording_only_or_contradicts_another_is_worth_nothing(
+    recordings: list[float], worth: float
+) -> None:
     blocks = np.array([10.0, 50.0, 70.0, 90.0])
     assert Predicted(blocks, np.array(recordings)).worth == worth

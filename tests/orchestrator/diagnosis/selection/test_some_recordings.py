@@ -12,8 +12,8 @@ from cobot_joint.diagnosis.candidates.score_test import Scan, scores
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.estimation.calibrate import calibrate
 from cobot_joint.diagnosis.estimation.problem import FEW
-from cobot_joint.diagnosis.selection.promising import promising
 from cobot_joint.diagnosis.selection.some_recordings import some_of
+from cobot_joint.diagnosis.selection.unlisted.promising import promising
 from cobot_joint.diagnosis.store import Store
 from tests.orchestrator.diagnosis.axis import NOISE, OFF, SAMPLES, Axis, campaign
 

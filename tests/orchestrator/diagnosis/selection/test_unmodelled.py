@@ -24,9 +24,10 @@ from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.plant.correction import Factor, Product
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.repair.repair import repair
-from cobot_joint.diagnosis.selection import unmodelled
 from cobot_joint.diagnosis.selection.stepwise import Selected, Selection
-from cobot_joint.diagnosis.selection.unmodelled import Unmodelled, look_for_unmodelled
+from cobot_joint.diagnosis.selection.unlisted import held_against
+from cobot_joint.diagnosis.selection.unlisted.held_against import look_for_unmodelled
+from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.system.model import Inputs
 from cobot_joint.system.read import load_system
@@ -89,7 +90,7 @@ def test_a_formula_that_leaves_less_than_what_it_does_not_outdo_is_said_beside_i
 
 
 @pytest.mark.parametrize(("leaves", "answer"), [(1.0, "in its place"), (2.5, "as good"), (4.0, "none")])
-def test_the_last_of_several_terms_is_held_against_a_formula_where_they_leave_what_stands_out(
+def test_each_of_several_terms_is_held_against_a_formula_where_they_leave_what_stands_out(
     leaves: float, answer: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """They leave sixteen times the noise's chi-square, all of it slow; a formula of one feature in the last one's place
@@ -108,7 +109,8 @@ def test_the_last_of_several_terms_is_held_against_a_formula_where_they_leave_wh
         left = replace(base, residual=leaves * ones, chi2=leaves**2 * len(ones))
         return Unmodelled(left, selected, finding, 0.9)
 
-    monkeypatch.setattr(unmodelled, "_look", look)
+    monkeypatch.setattr(held_against, "look_at_ports", look)
+    monkeypatch.setattr(held_against, "without_terms", lambda problem, best, names: None)
     found = look_for_unmodelled(problem, fits[0], listed, lambda words: None)
     assert (found is None) == (answer == "none")
     if found is not None:

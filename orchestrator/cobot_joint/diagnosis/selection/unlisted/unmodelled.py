@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 from cobot_joint.diagnosis import thresholds
@@ -26,10 +26,10 @@ from cobot_joint.diagnosis.localization.evidence import where_it_gains
 from cobot_joint.diagnosis.plant.correction import Product
 from cobot_joint.diagnosis.plant.plant import Port
 from cobot_joint.diagnosis.selection.confidence import beside_background, confidence
-from cobot_joint.diagnosis.selection.formula import forward
-from cobot_joint.diagnosis.selection.late_onset import look_late
-from cobot_joint.diagnosis.selection.promising import promising
-from cobot_joint.diagnosis.selection.stepwise import Selected, Selection, share
+from cobot_joint.diagnosis.selection.stepwise import Selected, share
+from cobot_joint.diagnosis.selection.unlisted.formula import forward
+from cobot_joint.diagnosis.selection.unlisted.late_onset import look_late
+from cobot_joint.diagnosis.selection.unlisted.promising import promising
 
 CLOSER = 3  # times that forms are chosen beside those found, where these leave what stands out
 
@@ -69,12 +69,18 @@ class Unmodelled:
         """Whether it takes so much that a background is not what it follows; a table follows most of one."""
         return self.taken > (thresholds.ALONE if self.is_formula else thresholds.ENOUGH)
 
+    @property
+    def freedom(self) -> int:
+        """Features, or what a smooth table counts for."""
+        assert self.finding.shape is not None
+        return len(self.finding.shape.features) or thresholds.TABLE_FREEDOM
+
     def outdoes(self, problem: Problem, other: Fit) -> bool:
         """Whether it leaves so much less than another fit, per feature, term, or parameter that was let go, that its
         freedom does not account for it."""
         rest = max(problem.excess(self.fit.residual), problem.excess_scatter)
         count = max(len(other.hypothesis.effects), 1)
-        return problem.excess(other.residual) * count > thresholds.TIMES_LESS * _freedom(self) * rest
+        return problem.excess(other.residual) * count > thresholds.TIMES_LESS * self.freedom * rest
 
 
 @dataclass
@@ -103,79 +109,12 @@ class Place:
         self.choice = forward(problem, start, [*self.columns, *rest])
 
 
-def look_for_unmodelled(
-    problem: Problem, calibrated: Fit, listed: Selection, say: Say, least: float = 0.0
+def look_at_ports(
+    problem: Problem, start: Fit, selected: list[Selected], say: Say, least: float = 0.0
 ) -> Unmodelled | None:
-    """None: the list explains what there is, or no form at any port does better.
-
-    First alone: a form that explains all of it makes listed terms patches. Else beside listed terms that do most of it.
-    least: share of what is above noise that the first forms at a port are predicted to take together, or nothing else
-    than one of them that takes nearly all is an answer.
-    """
-    before, left = problem.excess(calibrated.residual), problem.excess(listed.fit.residual)
-    terms = len(listed.selected)
-    explained = terms == 1 and left < thresholds.REMAINDER * before and not problem.stands_out(listed.fit.residual)
-    little = left < thresholds.CLEARLY_LEFT * problem.excess_scatter
-    stands = terms < 2 or not (listed.imitates or problem.unexplained(listed.fit.residual))
-    if explained or (little and stands):
-        return None
-    say("looking for an effect that is on no list, port by port")
-    alone = _look(problem, calibrated, [], say, least)
-    if terms and left < thresholds.TERMS_STAND * before:
-        return _in_place(problem, alone, listed) or _in_place_of_the_last(problem, listed, say, least)
-    if alone is not None and (alone.taken > thresholds.ALONE or not terms):
-        return alone
-    if left < (1 - thresholds.HOLDS) * before:
-        beside = _look(problem, listed.fit, listed.selected, say, least)
-        if beside is not None:
-            return beside
-    return alone if alone is not None and _outweighs(problem, alone, left, terms) else None
-
-
-def _in_place(problem: Problem, alone: Unmodelled | None, listed: Selection) -> Unmodelled | None:
-    """Alone instead of listed terms, where it leaves so much less that its freedom does not account for it, or less.
-
-    A formula follows whatever the data show; one term whose form is somewhat off is still the right name, unless what
-    it leaves stands out, while several may be patches. What is left counts once per feature or term.
-    """
-    if alone is None:
-        return None
-    before, left = problem.excess(listed.history[0].residual), problem.excess(listed.fit.residual)
-    terms, stands_out = len(listed.selected), problem.stands_out(listed.fit.residual)
-    if terms > 1:
-        return alone if _outweighs(problem, alone, left, terms) else None
-    rest = max(problem.excess(alone.fit.residual), problem.excess_scatter)
-    proven = max(rest, 0.0 if stands_out else thresholds.NO_PROOF * before)
-    if left > thresholds.TIMES_LESS * _freedom(alone) * proven:
-        return alone
-    less = stands_out and alone.is_likely and left > _freedom(alone) * rest
-    return replace(alone, as_good=True) if less else None
-
-
-def _in_place_of_the_last(problem: Problem, listed: Selection, say: Say, least: float) -> Unmodelled | None:
-    """Instead of the last of several listed terms, where these leave what stands out: the first may be right, and the
-    last a patch of what is on no list."""
-    if len(listed.selected) < 2 or not problem.stands_out(listed.fit.residual):
-        return None
-    first = listed.up_to(len(listed.selected) - 1)
-    found = _look(problem, first.fit, first.selected, say, least)
-    return found and _in_place(problem, found, Selection([first.fit, listed.fit], listed.selected[-1:]))
-
-
-def _outweighs(problem: Problem, alone: Unmodelled, left: float, terms: int) -> bool:
-    """Whether it leaves less than listed terms do, per feature or term; anything does where there is none."""
-    rest = max(problem.excess(alone.fit.residual), problem.excess_scatter)
-    return terms == 0 or left * terms > rest * _freedom(alone)
-
-
-def _freedom(alone: Unmodelled) -> int:
-    form = alone.finding.shape
-    assert form is not None
-    return len(form.features) or thresholds.TABLE_FREEDOM
-
-
-def _look(problem: Problem, start: Fit, selected: list[Selected], say: Say, least: float = 0.0) -> Unmodelled | None:
-    """The best port and form beside the terms of `start`; None: nothing takes HOLDS of what it leaves."""
+    """The best port and form beside the terms of `start`; None: nothing takes HOLDS of what it leaves. least: share of
+    what is above noise that the first forms at a port are predicted to take together, or nothing else than one of them
+    that takes nearly all is an answer."""
     places = _places(problem, start, least)
     if not places:
         return None
@@ -206,7 +145,7 @@ def _look(problem: Problem, start: Fit, selected: list[Selected], say: Say, leas
         choice, onset = max(tried, key=lambda each: each[0].gain, default=(None, None))
         late = answer(choice, onset=onset) if choice else None
         found = late if late is not None and _much_better(late, found) else found
-    if found is None or found.taken < (thresholds.ALONE if _freedom(found) == 1 else thresholds.ENOUGH):
+    if found is None or found.taken < (thresholds.ALONE if found.freedom == 1 else thresholds.ENOUGH):
         table = look_for_table(problem, start, [p.port for p in near], say)
         tabled = answer(table.choice, table=table) if table else None
         found = tabled if found is None or (tabled is not None and _much_better(tabled, found)) else found
@@ -222,7 +161,7 @@ def _settled(problem: Problem, start: Fit, places: Sequence[Place], found: Unmod
     if found is not None:
         left = found.fit.residual
         most = found.taken > thresholds.ENOUGH and not problem.stands_out(left)
-        return most or (_freedom(found) == 1 and not problem.unexplained(left))
+        return most or (found.freedom == 1 and not problem.unexplained(left))
     enough = thresholds.ENOUGH * max(problem.excess(start.residual), 1e-9)
     return any(p.choice is not None and p.choice.gain > enough for p in places)
 

@@ -15,7 +15,7 @@ from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 from cobot_joint.diagnosis.estimation.projection import Projection
 from cobot_joint.diagnosis.plant.correction import Product
 from cobot_joint.diagnosis.selection.competition import ONSET
-from cobot_joint.diagnosis.selection.formula import forward
+from cobot_joint.diagnosis.selection.unlisted.formula import forward
 
 Columns = Sequence[Column[Product]]
 

@@ -1,0 +1,118 @@
+"""What no list names, held against the listed terms: alone, in the place of one of them, or beside them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.problem import Problem
+from cobot_joint.diagnosis.selection.stepwise import Selection, without_terms
+from cobot_joint.diagnosis.selection.unlisted.unmodelled import Say, Unmodelled, look_at_ports
+
+
+def look_for_unmodelled(
+    problem: Problem, calibrated: Fit, listed: Selection, say: Say, least: float = 0.0
+) -> Unmodelled | None:
+    """None: the list explains what there is, or no form at any port does better.
+
+    First alone: a form that explains all of it makes listed terms patches. Else beside listed terms that do most of it.
+    least: share of what is above noise that the first forms at a port are predicted to take together, or nothing else
+    than one of them that takes nearly all is an answer.
+    """
+    before, left = problem.excess(calibrated.residual), problem.excess(listed.fit.residual)
+    terms = len(listed.selected)
+    explained = terms == 1 and left < thresholds.REMAINDER * before and not problem.stands_out(listed.fit.residual)
+    little = left < thresholds.CLEARLY_LEFT * problem.excess_scatter
+    stands = terms < 2 or not (listed.imitates or problem.unexplained(listed.fit.residual))
+    if explained or (little and stands):
+        return None
+    say("looking for an effect that is on no list, port by port")
+    alone = look_at_ports(problem, calibrated, [], say, least)
+    if terms and left < thresholds.TERMS_STAND * before:
+        return _beside_what_stands(problem, alone, listed, say, least)
+    if alone is not None and (alone.taken > thresholds.ALONE or not terms):
+        return alone
+    if left < (1 - thresholds.HOLDS) * before:
+        beside = look_at_ports(problem, listed.fit, listed.selected, say, least)
+        if beside is not None:
+            return beside
+    return alone if alone is not None and _outweighs(problem, alone, left, terms) else None
+
+
+def _beside_what_stands(
+    problem: Problem, alone: Unmodelled | None, listed: Selection, say: Say, least: float
+) -> Unmodelled | None:
+    """In place of listed terms that do most, of one of them, or beside them, where it leaves so much less."""
+    instead = _in_place(problem, alone, listed)
+    if instead is not None and not instead.as_good:
+        return instead
+    one = _in_place_of_one(problem, listed, say, least)
+    if one is not None and not one.as_good:
+        return one
+    return look_beside(problem, listed, say) or instead or one
+
+
+def look_beside(problem: Problem, listed: Selection, say: Say) -> Unmodelled | None:
+    """Beside all that was selected, where that leaves what stands out, and this takes so much of it that neither its
+    freedom nor a background accounts for it."""
+    if not problem.stands_out(listed.fit.residual):
+        return None
+    found = look_at_ports(problem, listed.fit, listed.selected, say, thresholds.ALONE)
+    if found is None or not found.is_likely or _acts_where(found, listed):
+        return None
+    left, rest = (problem.excess(each.residual) for each in (listed.fit, found.fit))
+    return found if left > thresholds.TIMES_LESS * found.freedom * max(rest, problem.excess_scatter) else None
+
+
+def _acts_where(found: Unmodelled, listed: Selection) -> bool:
+    """Whether it does so at the unit of a listed term, or at one where the same force does the same: then that term may
+    be a patch."""
+    names = [found.finding.term, *found.finding.equivalent]
+    terms = [t for s in listed.selected for t in (s.term, *s.alike, listed.indistinguishable.get(s.term, s.term))]
+    return bool({n.split(".")[0] for n in names} & {t.split(".")[0] for t in terms})
+
+
+def _in_place(problem: Problem, alone: Unmodelled | None, listed: Selection) -> Unmodelled | None:
+    """Alone instead of listed terms, where it leaves so much less that its freedom does not account for it, or less.
+
+    A formula follows whatever the data show; one term whose form is somewhat off is still the right name, unless what
+    it leaves stands out, while several may be patches. What is left counts once per feature or term.
+    """
+    if alone is None:
+        return None
+    before, left = problem.excess(listed.history[0].residual), problem.excess(listed.fit.residual)
+    terms, stands_out = len(listed.selected), problem.stands_out(listed.fit.residual)
+    if terms > 1:
+        return alone if _outweighs(problem, alone, left, terms) else None
+    rest = max(problem.excess(alone.fit.residual), problem.excess_scatter)
+    proven = max(rest, 0.0 if stands_out else thresholds.NO_PROOF * before)
+    if left > thresholds.TIMES_LESS * alone.freedom * proven:
+        return alone
+    less = stands_out and alone.is_likely and left > alone.freedom * rest
+    return replace(alone, as_good=True) if less else None
+
+
+def _in_place_of_one(problem: Problem, listed: Selection, say: Say, least: float) -> Unmodelled | None:
+    """Instead of one of several listed terms, the last one first, where these leave what stands out: the others may be
+    right, and that one a patch of what is on no list."""
+    if len(listed.selected) < 2 or not problem.stands_out(listed.fit.residual):
+        return None
+    found: Unmodelled | None = None
+    for gone in reversed(listed.selected):
+        others = [s for s in listed.selected if s is not gone]
+        alike = {t for pair in listed.indistinguishable.items() if gone.term in pair for t in pair}
+        last = gone is listed.selected[-1]
+        start = listed.history[-2] if last else without_terms(problem, listed.fit, {gone.term, *alike})
+        other = look_at_ports(problem, start, others, say, least) if start is not None else None
+        answer = _in_place(problem, other, Selection([start, listed.fit], [gone])) if start is not None else None
+        if answer is not None and not answer.as_good:
+            return answer
+        found = found or answer
+    return found
+
+
+def _outweighs(problem: Problem, alone: Unmodelled, left: float, terms: int) -> bool:
+    """Whether it leaves less than listed terms do, per feature or term; anything does where there is none."""
+    rest = max(problem.excess(alone.fit.residual), problem.excess_scatter)
+    return terms == 0 or left * terms > rest * alone.freedom

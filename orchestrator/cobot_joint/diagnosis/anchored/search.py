@@ -66,10 +66,8 @@ class Named:
 
 
 def confidence(named: Named) -> float:
-    """0..1, by the evidence as far as it predicts, and by how near the best of the others came.
-
-    No claim where following the recordings with it gives less than half of what its linear share promised.
-    """
+    """0..1, by the evidence as far as it predicts, and by how near the best of the others came; no claim where the
+    term, once it is on, is worth less than half of its evidence."""
     share = max(named.next_best, 0.0) / max(named.evidence, 1.0)
     proven = max(min(named.evidence, named.predicted), 1.0)
     score = INTERCEPT + COEFFICIENT * math.log10(proven) + NEXT_BEST * share

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -10,10 +12,12 @@ from cobot_joint.diagnosis import engine
 from cobot_joint.diagnosis.anchored.search import Search
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.engine import diagnose_plant
+from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.plant.correction import Factor, Product
+from cobot_joint.diagnosis.selection.stepwise import Selected, Selection
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 from tests.orchestrator.diagnosis.axis import OFF, Axis, campaign
 
@@ -91,3 +95,27 @@ def test_a_formula_over_an_angle_gives_way_to_what_the_recorded_motion_claims(
     monkeypatch.setattr(Search, "claims", property(lambda self: claimed))
     monkeypatch.setattr(Unmodelled, "outdoes", lambda self, problem, other: True)
     assert [f.term for f in diagnose_plant(drifting(), Axis()).findings] == named
+
+
+@pytest.mark.parametrize("stands_out", [True, False])
+def test_where_a_term_that_takes_most_leaves_what_stands_out_the_motion_is_asked_for_others(
+    stands_out: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A drawn drag hid cogging of its own size from free runs"""
+    both = Selected("axis.windage", 1e4)
+
+    def beside(problem: Problem, listed: Selection, search: Search) -> tuple[Fit, list[Selected]]:
+        active = ActiveTerm(next(t for t in Axis().terms if t.name == both.term), {"axis.windage.c": 1e-6})
+        on = listed.fit.hypothesis.with_effects(active)
+        fit = replace(listed.fit, hypothesis=on, x=np.append(listed.fit.x, active.start()))
+        return replace(fit, jacobian=np.ones((len(fit.residual), len(fit.x)))), [both]
+
+    monkeypatch.setattr(engine, "can_follow", lambda campaign, plant: True)
+    monkeypatch.setattr(engine, "follow", lambda campaign, plant, say, in_runs, start: Search())
+    monkeypatch.setattr(engine, "look_for_unmodelled", lambda *_: None)
+    monkeypatch.setattr(engine, "look_outside", lambda *_: None)
+    monkeypatch.setattr(engine, "_takes_most", lambda problem, listed: True)
+    monkeypatch.setattr(Problem, "stands_out", lambda self, residual: stands_out)
+    monkeypatch.setattr(engine, "beside_listed", beside)
+    found = diagnose_plant(drifting(), Axis())
+    assert (both.term in [f.term for f in found.findings]) == stands_out

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from cobot_joint.diagnosis.anchored import free_runs
-from cobot_joint.diagnosis.anchored.search import Search
+from cobot_joint.diagnosis.anchored.search import Named, Search
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding
+from cobot_joint.diagnosis.plant.plant import TermCandidate
+from cobot_joint.diagnosis.selection.stepwise import Selected, Selection
 
 ALONG, FREE, REPAIRED = 5.0, 2.0, 7.0
 
@@ -67,3 +69,27 @@ def test_a_repair_is_the_fit_that_leaves_less_of_free_runs(
     monkeypatch.setattr(free_runs, "_freely", lambda *_: refit(left_free))
     after = free_runs.in_free_runs(problem(3.0), found("a.term"), Search(), refit(4.0), {})
     assert after.repaired["a.b"].value == kept
+
+
+@pytest.mark.parametrize(
+    ("name", "in_all", "gain", "beside"),
+    [("a.teeth", 900.0, 1e4, True), ("a.drag", 900.0, 1e4, False), ("a.teeth", 90.0, 1e4, False),
+     ("a.teeth", 900.0, 100.0, False)],
+    ids=["claimed", "listed already", "no claim", "free runs are no better for it"],
+)  # fmt: skip
+def test_what_the_recorded_motion_claims_beside_listed_terms_is_fitted_with_them(
+    name: str, in_all: float, gain: float, beside: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A drawn viscous friction that warms up and cogging, each ten times the background: cogging had no name"""
+    term = TermCandidate(name, f"{name}.A", 0.0, -1.0, 1.0, "N.m")
+    candidate: Any = SimpleNamespace(term=term, values={f"{name}.A": 0.1}, onset=None, evidence=900.0)
+    search = Search(named=[Named(candidate, (), 0.0, 900.0, {}, in_all)])
+    listed: Any = Selection([SimpleNamespace(cost=5e4)], [Selected("a.drag", 1e6)])  # type: ignore[list-item]
+    both = SimpleNamespace(cost=5e4 - gain)
+    monkeypatch.setattr(free_runs, "fit_added", lambda problem, at, effects, precision: both)
+    plant = SimpleNamespace(terms=[term])
+    found = free_runs.beside_listed(SimpleNamespace(plant=plant, evidence=500.0), listed, search)  # type: ignore[arg-type]
+    assert (found is not None) == beside
+    if found is not None:
+        assert found[0] is both
+        assert [s.term for s in found[1]] == ["a.drag", "a.teeth"]

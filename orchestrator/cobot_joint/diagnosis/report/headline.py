@@ -73,7 +73,8 @@ def _said(f: Json, terms: Mapping[str, TermText]) -> str:
     sure = f"({percent(f.get('confidence'))} sure)"
     if f.get("shape"):
         return f"an effect that is on no list, at {f['component']} {sure}"
-    return f"{title_of(f['term'], terms)} in {f['component']} {sure}"
+    rival = ", or an effect that is on no list," if any(map(is_unlisted, f.get("equivalent") or ())) else ""
+    return f"{title_of(f['term'], terms)}{rival} in {f['component']} {sure}"
 
 
 def _parameter(f: Json) -> str:
@@ -192,8 +193,15 @@ def title_of(term: str, terms: Mapping[str, TermText]) -> str:
     """A term's title without what follows its colon; of a base parameter its name."""
     if term in terms:
         return terms[term].title.split(":")[0]
+    if is_unlisted(term):
+        return "effect on no list"
     name = term.split(".", 1)[-1]
     return f"{name} outside its tolerance" if is_parameter(term, terms) else name.replace("_", " ")
+
+
+def is_unlisted(term: str) -> bool:
+    """Whether it stands for an effect that is on no list."""
+    return term.endswith(".unlisted")
 
 
 def is_parameter(term: str, terms: Mapping[str, TermText]) -> bool:

@@ -110,7 +110,7 @@ def _chains(data: ReportData) -> list[dict[str, Any]]:
     d = data.diagnosis
     found: dict[str, list[str]] = {}
     for n, f in enumerate(d["findings"], 1):
-        title = "effect on no list" if f.get("shape") else headline.title_of(f["term"], data.terms)
+        title = headline.title_of(f["term"], data.terms)
         found.setdefault(f["component"], []).append(f"{n}. {title.partition(' (')[0]}")
     possible = {term.split(".")[0] for f in d["findings"] for term in f.get("equivalent") or []}
     if not found and d["verdict"] == "undecided":

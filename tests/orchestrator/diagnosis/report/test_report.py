@@ -104,6 +104,11 @@ def words(text: str) -> str:
         ),
         (
             "explained",
+            [FINDING | {"confidence": 0.45, "equivalent": ["planetary_gear.unlisted"]}],
+            "nearest comes Stribeck friction, or an effect that is on no list, in planetary_gear (45 % sure)",
+        ),
+        (
+            "explained",
             [FINDING | {"term": "load.body.J", "component": "load"}],
             "body.J of load is outside its tolerance (97 % sure); a value that fits removes 100 % of",
         ),

@@ -35,7 +35,7 @@ COSIM_API int linear_jacobians(LinearSystem *s, size_t n, const double *time, co
 typedef struct { /* n steps of length h; m states, of which `scale` counts as much, n_q columns */
   size_t n, m, n_q;
   double h;
-  const double *scale, *X;          /* [m], [n][m][n_q] */
+  const double *scale, *X;         /* [m], [n][m][n_q] */
   double *A, *Phi, *Hold, *inputs; /* [n][m][m] thrice, [n][m][n_q - m]: filled */
 } LinearSteps;
 /* Over a step the Jacobians X are constant. 0, or -1: out of memory */

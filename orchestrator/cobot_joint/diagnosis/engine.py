@@ -248,11 +248,13 @@ def _beyond_the_list(
     asked = much and follows and not given
     along = partial(_followed, campaign, problem, listed, say, store)
     found = spend("the recorded motion", along) if asked and (lost or doubtful or not takes_most) else None
-    if found and takes_most and not unmodelled and (both := beside_listed(problem, listed, found)):
+    gives_way = lost or not unmodelled  # a formula, to what the motion says
+    if found and takes_most and gives_way and (both := beside_listed(problem, listed, found)):
         return Explanation(calibrated, both[0], listed, both[1], anchored=found)
     found = found if lost or not takes_most else None
     stands = listed.selected if left < thresholds.REMAINDER * before else []
-    if found and stands and found.supports(stands[0].term):
+    heard = stands if takes_most else stands[:1]
+    if found and any(found.supports(s.term) for s in heard):
         return Explanation(calibrated, listed.fit, listed, stands, anchored=found, rival=rival)
     claimed = found.claims if found else takes_most
     if unmodelled and unmodelled.is_likely and ((outdone and not (found and lost)) or not claimed):

@@ -102,8 +102,8 @@ def _in_place_of_one(problem: Problem, listed: Selection, say: Say, least: float
     for gone in reversed(listed.selected):
         others = [s for s in listed.selected if s is not gone]
         alike = {t for pair in listed.indistinguishable.items() if gone.term in pair for t in pair}
-        last = gone is listed.selected[-1]
-        start = listed.history[-2] if last else without_terms(problem, listed.fit, {gone.term, *alike})
+        known = gone is listed.selected[-1] and len(listed.history) == len(listed.selected) + 1  # no earlier one went
+        start = listed.history[-2] if known else without_terms(problem, listed.fit, {gone.term, *alike})
         other = look_at_ports(problem, start, others, say, least) if start is not None else None
         answer = _in_place(problem, other, Selection([start, listed.fit], [gone])) if start is not None else None
         if answer is not None and not answer.as_good:

@@ -108,13 +108,14 @@ class Dictionary:
         return {p: values for p, values in found.items() if any(np.any(v != 0) for v in values.values())}
 
     def _waves(self, waves: Sequence[Wave]) -> Iterator[Product]:
-        """Sines and cosines, alone and with the direction of the angle's own speed, where the unit has it."""
+        """Sines and cosines, alone, with the direction of the angle's own speed, where the unit has it, and with that
+        speed: a seal that runs out of true."""
         for name, order in waves:
             speed = self.speeds.get(name, self.speed)
             for wave in (Factor(name, "sin", order), Factor(name, "cos", order)):
                 yield Product((wave,))
                 if speed is not None:
-                    yield Product((wave, sign(speed)))
+                    yield from (Product((wave, sign(speed))), Product((wave, Factor(speed, "u"))))
 
     def _first(self) -> Iterator[Product]:
         yield Product()

@@ -173,6 +173,15 @@ def test_a_form_that_takes_nearly_all_is_an_answer_however_little_its_jacobian_p
     assert found.taken > 0.97
 
 
+def test_a_drag_that_is_felt_over_half_a_turn_goes_by_speed_and_angle() -> None:
+    """A seal that runs out of true: half of a wave is its mean, itself, and little else"""
+    found = diagnose_plant(concealed(lambda w, phi: -1e-3 * w * np.maximum(np.sin(phi + 1), 0)), Axis())
+    assert [f.term for f in found.findings] == ["axis.unlisted"]
+    form = found.findings[0].shape
+    assert form is not None
+    assert {"sin(1*phi)*w", "cos(1*phi)*w"} <= {str(f.form) for f in form.features}
+
+
 def test_where_no_form_does_in_one_recording_the_others_are_not_simulated() -> None:
     t = np.arange(SAMPLES) * STEP
     case = concealed(lambda w, phi: 2e-3 * np.sin(9 * t) + 2e-3 * np.sin(14 * t + 1))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -11,7 +11,7 @@ from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.answer import diagnosis as anchored_diagnosis
 from cobot_joint.diagnosis.anchored.follow import can_follow, follow, motion_is_given, where_it_lies
 from cobot_joint.diagnosis.anchored.free_runs import beside_listed, in_free_runs
-from cobot_joint.diagnosis.anchored.search import Search
+from cobot_joint.diagnosis.anchored.search import Search, confidence
 from cobot_joint.diagnosis.budget import Budget
 from cobot_joint.diagnosis.candidates.scan_ranges import driven
 from cobot_joint.diagnosis.candidates.score_test import Scan
@@ -225,7 +225,8 @@ def _beyond_the_list(
 ) -> Explanation:
     """What listed terms leave: to a formula that leaves nothing, to the recorded motion, to a formula, or to nothing.
 
-    Beside a background a formula has to be predicted to take as much as listed terms take, and most of it. Where motion
+    Where terms that take most leave what stands out, the recorded motion is asked for others beside them. Beside a
+    background a formula has to be predicted to take as much as listed terms take, and most of it. Where motion
     is an input, free runs lose nothing: the listed term that does best there is said to come nearest, and the recorded
     motion says where the rest lies.
     """
@@ -250,13 +251,14 @@ def _beyond_the_list(
     found = spend("the recorded motion", along) if asked and (lost or doubtful or not takes_most) else None
     gives_way = lost or not unmodelled  # a formula, to what the motion says
     if found and takes_most and gives_way and (both := beside_listed(problem, listed, found)):
-        return Explanation(calibrated, both[0], listed, both[1], anchored=found)
+        return Explanation(calibrated, both[0], listed, both[1], anchored=found, rival=rival)
     found = found if lost or not takes_most else None
     stands = listed.selected if left < thresholds.REMAINDER * before else []
-    heard = stands if takes_most else stands[:1]
-    if found and any(found.supports(s.term) for s in heard):
+    stay = {s.term for s in unmodelled.selected} if unmodelled else set[str]()  # with a formula, or without
+    heard = [s.term for s in (stands if takes_most else stands[:1]) if s.term not in stay]
+    if found and any(map(found.supports, heard)):
         return Explanation(calibrated, listed.fit, listed, stands, anchored=found, rival=rival)
-    claimed = found.claims if found else takes_most
+    claimed = _claims_others(found, stay) if found else takes_most
     if unmodelled and unmodelled.is_likely and ((outdone and not (found and lost)) or not claimed):
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
     if found and (found.named or not stands):
@@ -267,6 +269,12 @@ def _beyond_the_list(
     lies = partial(where_it_lies, some, problem.plant, kept.fit.run, say)
     rest = spend("where the rest lies", lies) if given and much and follows and not takes_most else None
     return Explanation(calibrated, kept.fit, listed, kept.selected, background=rest or [], rival=rival)
+
+
+def _claims_others(found: Search, stay: Collection[str]) -> bool:
+    """Whether the recorded motion claims a term other than these."""
+    others = [n for n in found.named if not {n.name, *n.alike} & set(stay)]
+    return found.claims and (not stay or any(confidence(n) >= thresholds.EVEN for n in others))
 
 
 def _followed(campaign: Campaign, problem: Problem, listed: Selection, say: Progress, store: Store) -> Search | None:

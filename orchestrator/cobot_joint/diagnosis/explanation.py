@@ -52,7 +52,8 @@ def answer(problem: Problem, explanation: Explanation) -> Diagnosis:
     if explanation.outside:
         findings.append(explanation.outside.finding(problem, before, repaired))
     if explanation.rival:
-        findings = [_beside(f, explanation.rival) for f in findings]
+        instead_of = {s.term for s in explanation.selection.selected} - {s.term for s in explanation.rival.selected}
+        findings = [_beside(f, explanation.rival) if f.term in instead_of else f for f in findings]
     if misread:  # which of them it is, the recordings cannot say
         findings = [replace(f, confidence=min(f.confidence, thresholds.WITHHELD)) for f in findings]
     findings = [replace(f, ground=_ground(problem, f, left)) for f in findings]
@@ -82,9 +83,7 @@ def _together(finding: Finding, all_of_them: Sequence[Finding]) -> float:
 
 
 def _beside(finding: Finding, rival: Unmodelled) -> Finding:
-    """No claim, if it is one of those in whose place a formula leaves less."""
-    if any(selected.term == finding.term for selected in rival.selected):
-        return finding
+    """No claim: a formula in its place leaves less."""
     named = *finding.equivalent[: thresholds.MOST_NAMES - 2], rival.finding.term
     return replace(finding, confidence=min(finding.confidence, thresholds.WITHHELD), equivalent=named)
 
@@ -108,12 +107,12 @@ def _sure(problem: Problem, explanation: Explanation, selected: Selected, left: 
 
 
 def _with_formula(explanation: Explanation) -> Selection:
-    """What was selected, a formula among it, which leaves less than the listed terms that it replaces."""
-    formula = explanation.unmodelled
-    if formula is None or not explanation.selected:
+    """What was selected and a formula beside it, with what both leave."""
+    formula, base = explanation.unmodelled, explanation.selection.history[0]
+    if formula is None or not formula.is_formula or not explanation.selected:
         return explanation.selection
     every = [*explanation.selected, Selected(formula.finding.term, formula.finding.gain)]
-    return replace(explanation.selection, history=[explanation.calibrated, explanation.fit], selected=every)
+    return replace(explanation.selection, history=[base, explanation.fit], selected=every)
 
 
 def _ground(problem: Problem, finding: Finding, left: float) -> Ground:

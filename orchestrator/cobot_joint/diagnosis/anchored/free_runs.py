@@ -49,7 +49,9 @@ def beside_listed(problem: Problem, listed: Selection, search: Search) -> tuple[
 
     None: it claims nothing else, or free runs are no better for it.
     """
-    known = {name for s in listed.selected for name in (s.term, *s.alike)} | set(listed.indistinguishable)
+    on = {s.term for s in listed.selected}
+    twins = [pair for pair in listed.indistinguishable.items() if on & set(pair)]
+    known = on.union(*(s.alike for s in listed.selected), *twins)
     terms = {term.name for term in problem.plant.terms}
     claimed = [n for n in search.named if n.name in terms - known and confidence(n) >= thresholds.EVEN]
     at, selected = listed.fit, list(listed.selected)
@@ -57,7 +59,8 @@ def beside_listed(problem: Problem, listed: Selection, search: Search) -> tuple[
     for named in claimed:
         found = fit_added(problem, at, [_as_repaired(named.candidate, values)], finished(jacobians=1))
         if found is not None and at.cost - found.cost > problem.evidence:
-            selected.append(Selected(named.name, at.cost - found.cost, dict.fromkeys(named.alike, 0.0)))
+            alike = dict.fromkeys((name for name in named.alike if name not in known), 0.0)
+            selected.append(Selected(named.name, at.cost - found.cost, alike))
             at = found
     return (at, selected) if at is not listed.fit else None
 

@@ -138,9 +138,10 @@ class Regression:
             beside = self._evidence(variances, gram, gradient, k, prior)
             return beside - self._evidence(self.variances, gram[:-k, :-k], gradient[:-k], 0)
 
+        in_all = adds(total, pull)
         for part in parts:
             gram, gradient = wide[part].sum(axis=0), g[part].sum(axis=0)
-            found.append(adds(total, pull) - adds(total - gram, pull - gradient))
+            found.append(in_all - adds(total - gram, pull - gradient))
         return np.array(found)
 
     def predicted_free(self, k: int, bound: float, parts: Parts) -> Array:

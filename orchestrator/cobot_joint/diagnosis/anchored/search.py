@@ -67,11 +67,11 @@ class Named:
 
 def confidence(named: Named) -> float:
     """0..1, by the evidence as far as it predicts, and by how near the best of the others came; no claim where the
-    term, once it is on, is worth less than half of its evidence."""
+    term, once it is on, is worth less than half of that."""
     share = max(named.next_best, 0.0) / max(named.evidence, 1.0)
     proven = max(min(named.evidence, named.predicted), 1.0)
     score = INTERCEPT + COEFFICIENT * math.log10(proven) + NEXT_BEST * share
-    stands = share < 1 and named.in_all >= thresholds.HOLDS * named.evidence
+    stands = share < 1 and named.in_all >= thresholds.HOLDS * min(named.evidence, named.predicted)
     return round(min(1 / (1 + math.exp(-score)), MOST if stands else thresholds.WITHHELD), 3)
 
 

@@ -76,9 +76,9 @@ def counted(draws: Draws, k: int) -> Row:
 def judge(machine: FieldDrawn, found: Diagnosis) -> Row:
     """What was concealed, what was said, and which of it is true, terms of one name being indistinguishable.
 
-    What is on no list is named by `component.unlisted`."""
+    What is on no list is named by `component.unlisted`, and not where that is only said beside a listed term."""
     concealed = _concealed(machine)
-    said = [{_name(t) for t in (f.term, *f.equivalent)} for f in found.findings]
+    said = [{_name(t) for t in (f.term, *f.equivalent) if t == f.term or _on(t) == _on(f.term)} for f in found.findings]
     accepted = {name for names, _ in concealed for name in names}
     return {
         "effects": [{**told, "named": any(names & s for s in said)} for names, told in concealed],
@@ -112,6 +112,11 @@ def _same(name: str) -> set[str]:
     """Names of the same physics: a gap that is too wide is a backlash, and either may be concealed."""
     pairs = [{term, *map(_name, parameters)} for term, parameters in OUT_OF_TOLERANCE.items()]
     return {name}.union(*(pair for pair in pairs if name in pair))
+
+
+def _on(term: str) -> bool:
+    """Whether it is on the list."""
+    return not term.endswith(".unlisted")
 
 
 def _name(term: str) -> str:

@@ -34,7 +34,7 @@ Components = tuple[str, ...]
 MOTOR, BRAKE = "motor_bldc", "mr_brake_belt"
 LEVELS = (0.4, 1.7)  # sigma over all samples that a background leaves after a re-fit, even in its logarithm
 OVER = (1.6, 20.0)  # times the background that an effect is, the same
-DRAWS = 8  # of effects, until all are as large as they should be
+DRAWS = 8  # of effects, backgrounds and machines, until all are as they should be
 ROUNDS = 4  # of coming nearer to a size
 SETTLED = 0.003  # rms, share to which what depends on the motion is that of the motion that it changes ...
 TURNS = 12  # ... within so many simulations
@@ -145,7 +145,13 @@ class FieldConcealer:
         self.concealer = concealer
 
     def draw(self, rng: Rng, effects: int) -> FieldDrawn:
-        """A machine with so many effects."""
+        """A machine with so many effects. RuntimeError: none of DRAWS moves as what was drawn for it says."""
+        for _ in range(DRAWS):
+            if (machine := self._drawn(rng, effects)) is not None:
+                return machine
+        raise RuntimeError(f"none of {DRAWS} draws moves as what was drawn says")
+
+    def _drawn(self, rng: Rng, effects: int) -> FieldDrawn | None:
         bench = self.concealer.bench(rng)
         samples = float(np.sqrt(bench.problem.samples))
         _, background, size = self._sized(bench, lambda: ((), family(rng)), _between(LEVELS, rng) * samples)
@@ -161,7 +167,9 @@ class FieldConcealer:
             unlisted.append(Unlisted(components, reached))
         run = bench.healthy.run.with_values({m.name: m.value for m in misstated})
         run = with_effects(run, [c.active for c in concealed])
-        outputs, _ = self.moved(bench, parts, run)
+        outputs, settled = self.moved(bench, parts, run)
+        if not settled:
+            return None
         return FieldDrawn(bench.recorded(outputs, concealed, rng), size / samples, tuple(unlisted), tuple(misstated))
 
     def _misstated(self, bench: Bench, effects: int, wanted: float, rng: Rng) -> list[Misstated]:
@@ -181,7 +189,7 @@ class FieldConcealer:
         self, bench: Bench, draw: Callable[[], tuple[Components, Sequence[Part]]], wanted: float
     ) -> tuple[Components, list[Part], float]:
         """What was drawn, so large that a re-fit leaves about the wanted root of chi-square, and what it leaves. It is
-        drawn again where it leads to no motion that it goes by."""
+        drawn again where it cannot be so large, or leads to no motion that it goes by. RuntimeError: none can."""
         for _ in range(DRAWS):
             components, parts = draw()
             sized = list(parts)
@@ -226,6 +234,8 @@ class FieldConcealer:
             outputs = problem.outputs(replace(run, added=run_with), SIGNALS)
             return flat(along(outputs)) - x
 
+        if not places:
+            return outputs, False  # no recording has the port
         options = {"maxiter": TURNS, "fatol": SETTLED, "tol_norm": _rms, "line_search": None,
                    "jac_options": {"alpha": 1.0, "M": 5}}  # fmt: skip
         try:

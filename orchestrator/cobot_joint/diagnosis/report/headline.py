@@ -73,8 +73,9 @@ def _said(f: Json, terms: Mapping[str, TermText]) -> str:
     sure = f"({percent(f.get('confidence'))} sure)"
     if f.get("shape"):
         return f"an effect that is on no list, at {f['component']} {sure}"
-    rival = ", or an effect that is on no list," if any(map(is_unlisted, f.get("equivalent") or ())) else ""
-    return f"{title_of(f['term'], terms)}{rival} in {f['component']} {sure}"
+    places = [term.split(".")[0] for term in f.get("equivalent") or () if is_unlisted(term)]
+    rival = f", or an effect that is on no list at {listed(places, 'or')}" if places else ""
+    return f"{title_of(f['term'], terms)} in {f['component']}{rival} {sure}"
 
 
 def _parameter(f: Json) -> str:

@@ -17,8 +17,8 @@ from cobot_joint.system.model import Component, Connection, Value
 
 Array = NDArray[np.float64]
 OF_SAMPLES = frozenset("CDRS")  # what a tangent has per sample; the rest, per step
-TURN = 0.7  # rad by which a periodic term may turn between two points at which it is looked at
-POINTS = 5  # of these between two samples, where they are needed
+TURN = 0.7  # rad from sample to sample, from which on a periodic term is looked at between them
+POINTS = 5  # at which it is, in every step
 
 
 @dataclass(frozen=True)
@@ -141,8 +141,8 @@ class Lineariser:
 
     def tangent(self, piece: Piece) -> Tangent:
         """From sample to sample: over a step the Jacobians are the means of those at its ends, which takes a contact
-        that closes between them as closed for half of the step; where something periodic turns by more, of points
-        between them."""
+        that closes between them as closed for half of the step; where something periodic turns by more than
+        TURN, of points between them."""
         known = self._known(piece)
         X, Y, T, S = self._joined(piece.time, known)
         quick = any(self.turns(piece, component) > TURN for component in self._orders)
@@ -167,10 +167,11 @@ class Lineariser:
         """Component -> periods per turn of what is on, if any is."""
         found: dict[str, float] = {}
         for c in self.sampled.system.components:
-            values = self.sampled.values_of(c.name, np.inf)
-            for term in c.unit.terms:
-                orders = [float(values.get(s.name, 0.0)) for s in term.shapes if s.scan == "order"]
-                if orders and values.get(str(term.amplitude), term.neutral) != term.neutral:
+            values = {**c.parameters, **self.sampled.values_of(c.name, np.inf)}
+            for term in (t for t in c.unit.terms if t.amplitude is not None):
+                names = [str(term.amplitude), *(s.name for s in term.shapes if s.scan == "order")]
+                size, *orders = [float(values.get(n, c.unit.variables[n].start or 0.0)) for n in names]
+                if orders and size != term.neutral:
                     found[c.name] = max(found.get(c.name, 0.0), *orders)
         return found
 
@@ -238,7 +239,8 @@ class Lineariser:
         return effect.along(points, varied, columns, answer)
 
     def gives_derivatives(self, component: str) -> bool:
-        """Whether the unit itself gives directional derivatives; else differences are taken, at the samples."""
+        """Whether the unit itself gives directional derivatives; else differences are taken, of an `effect` at the
+        samples only."""
         part = next(p for p in self._parts if p.component.name == component)
         return self._function(part, {}).gives_derivatives
 

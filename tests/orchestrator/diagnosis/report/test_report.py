@@ -104,8 +104,8 @@ def words(text: str) -> str:
         ),
         (
             "explained",
-            [FINDING | {"confidence": 0.45, "equivalent": ["planetary_gear.unlisted"]}],
-            "nearest comes Stribeck friction, or an effect that is on no list, in planetary_gear (45 % sure)",
+            [FINDING | {"confidence": 0.45, "equivalent": ["motor_bldc.unlisted"]}],
+            "comes Stribeck friction in planetary_gear, or an effect that is on no list at motor_bldc (45 % sure)",
         ),
         (
             "explained",

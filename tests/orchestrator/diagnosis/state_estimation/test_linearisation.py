@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -76,11 +77,18 @@ def test_tangent_by_a_parameter_is_the_difference_of_two_runs(parameter: str, st
     assert_alike(found, expected)
 
 
-def test_tangent_of_a_wave_that_turns_within_a_sample_is_the_difference_of_two_runs() -> None:
+@pytest.mark.parametrize("own", [False, True], ids=["values of a hypothesis", "the system's own"])
+def test_tangent_of_a_wave_that_turns_within_a_sample_is_the_difference_of_two_runs(own: bool) -> None:
     """23 teeth at 350 rad/s turn by 8 rad per sample: their stiffness at the samples says nothing of the step's."""
     teeth = {"motor_bldc.cogging.A": 5e-3, "motor_bldc.cogging.n": 23.0}
     port, d = "motor_bldc.tau_add", 2e-5 * np.sin(2 * np.pi * 3 * clock())
-    with SampledSystem(bench()[0], list(SIGMA), teeth) as sampled:
+    system, values = bench()[0], {} if own else teeth
+    if own:
+        parameters = {name.split(".", 1)[1]: value for name, value in teeth.items()}
+        components = [replace(c, parameters={**c.parameters, **parameters}) if c.name == "motor_bldc" else c
+                      for c in system.components]  # fmt: skip
+        system = replace(system, components=components)
+    with SampledSystem(system, list(SIGMA), values) as sampled:
         base = sampled.run(sampled.start({}), clock(), inputs(clock()))
         tangent = Lineariser(sampled, [port]).tangent(base)
     expected = (run(teeth, {port: d}).y - run(teeth, {port: -d}).y) / 2

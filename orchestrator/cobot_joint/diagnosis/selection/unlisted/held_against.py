@@ -16,7 +16,8 @@ def look_for_unmodelled(
 ) -> Unmodelled | None:
     """None: the list explains what there is, or no form at any port does better.
 
-    First alone: a form that explains all of it makes listed terms patches. Else beside listed terms that do most of it.
+    First alone: a form that explains all of it makes listed terms patches. Else in the place of one of those that do
+    most of it, or beside them.
     least: share of what is above noise that the first forms at a port are predicted to take together, or nothing else
     than one of them that takes nearly all is an answer.
     """
@@ -66,15 +67,17 @@ def look_beside(problem: Problem, listed: Selection, say: Say) -> Unmodelled | N
 
 
 def _acts_where(found: Unmodelled, listed: Selection) -> bool:
-    """Whether it does so at the unit of a listed term, or at one where the same force does the same: then that term may
+    """Whether it does so at the unit of what was selected, or at one where the same force does the same: then that may
     be a patch."""
-    names = [found.finding.term, *found.finding.equivalent]
-    terms = [t for s in listed.selected for t in (s.term, *s.alike, listed.indistinguishable.get(s.term, s.term))]
-    return bool({n.split(".")[0] for n in names} & {t.split(".")[0] for t in terms})
+    names, on = [found.finding.term, *found.finding.equivalent], {s.term for s in listed.selected}
+    twins = [twin for twin, leader in listed.indistinguishable.items() if leader in on]
+    units = {effect.component for effect in listed.fit.hypothesis.effects} | {t.split(".")[0] for t in twins}
+    return any(name.split(".")[0] in units for name in names)
 
 
 def _in_place(problem: Problem, alone: Unmodelled | None, listed: Selection) -> Unmodelled | None:
-    """Alone instead of listed terms, where it leaves so much less that its freedom does not account for it, or less.
+    """Alone instead of listed terms, where it leaves so much less that its freedom does not account for it; as good as
+    one that leaves what stands out, where it leaves less.
 
     A formula follows whatever the data show; one term whose form is somewhat off is still the right name, unless what
     it leaves stands out, while several may be patches. What is left counts once per feature or term.
@@ -102,8 +105,7 @@ def _in_place_of_one(problem: Problem, listed: Selection, say: Say, least: float
     for gone in reversed(listed.selected):
         others = [s for s in listed.selected if s is not gone]
         alike = {t for pair in listed.indistinguishable.items() if gone.term in pair for t in pair}
-        known = gone is listed.selected[-1] and len(listed.history) == len(listed.selected) + 1  # no earlier one went
-        start = listed.history[-2] if known else without_terms(problem, listed.fit, {gone.term, *alike})
+        start = without_terms(problem, listed.fit, {gone.term, *alike})
         other = look_at_ports(problem, start, others, say, least) if start is not None else None
         answer = _in_place(problem, other, Selection([start, listed.fit], [gone])) if start is not None else None
         if answer is not None and not answer.as_good:

@@ -58,17 +58,18 @@ class Predicted:
 
     blocks: Array
     recordings: Array
+    worst: float = 0.0  # of the recordings that the filter could follow
 
     @property
     def worth(self) -> float:
-        """In all: of blocks as far as it does not hang on one, or of recordings, if that is less; of the recording that
-        is worst predicted, if it contradicts the others. Where one recording alone answers, no other could have told.
+        """In all: of blocks as far as it does not hang on one, or of recordings, if that is less; of the one that is
+        worst predicted, if it contradicts the others. Where one recording alone answers, no other could have told.
         """
         blocks, acts = trimmed_sum(self.blocks), np.abs(self.recordings) > SILENT
         if acts.sum() < 2:
             return blocks
-        worst = float(self.recordings.min())
-        return worst if worst < -thresholds.ANCHORED_ALIKE else min(blocks, float(self.recordings.sum()))
+        contradicts = self.worst < -thresholds.ANCHORED_ALIKE
+        return self.worst if contradicts else min(blocks, float(self.recordings.sum()))
 
 
 class Beside:
@@ -195,8 +196,9 @@ class Beside:
     def predicted(self, found: Candidate) -> Predicted:
         """What it adds to parts that it was not fitted to."""
         more = self._products(self._white(found.effect))
-        parts = [self.regression.predicted(more, found.added.variances, each) for each in self._parts]
-        return Predicted(*parts)
+        blocks, recordings = (self.regression.predicted(more, found.added.variances, each) for each in self._parts)
+        followed = [x for x, t in zip(recordings.tolist(), self.trackings, strict=False) if _lost(t) < LOST]
+        return Predicted(blocks, recordings, min(followed, default=0.0))
 
     def predicted_outside(self, name: str, bound: float) -> Predicted:
         """The same of a base parameter outside its tolerance, over being held at the bound, which is so much from the

@@ -204,7 +204,8 @@ class Beside:
         """The same of a base parameter outside its tolerance, over being held at the bound, which is so much from the
         value that it has now."""
         k = self.names.index(name)
-        return Predicted(*(self.regression.predicted_free(k, bound, each) for each in self._parts))
+        blocks, recordings = (self.regression.predicted_free(k, bound, each) for each in self._parts)
+        return Predicted(blocks, recordings)
 
     @property
     def _parts(self) -> tuple[list[list[int]], list[list[int]]]:

@@ -102,4 +102,4 @@ ANCHORED_EVIDENCE = 8.0  # that a term must have
 ANCHORED_ALIKE = 5.0  # by which another may have less and not be told apart, and a recording contradict: odds of 150
 ANCHORED_ALIKE_SHARE = 0.01  # the same, as a share: no form is known exactly
 # The next is by one drawn machine of sixty, in which a false torque ripple had 0.14 beside a true cogging.
-ANCHORED_LATER = 0.2  # of the most that a term has, that a later one needs: no form is known exactly
+ANCHORED_LATER = 0.2  # of the most that a term has or predicts, that a later one needs: no form is known exactly

@@ -26,12 +26,14 @@ from cobot_joint.diagnosis.localization.isolability import prefetch
 from cobot_joint.diagnosis.localization.localize import locate_difference
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import Plant, TermCandidate
+from cobot_joint.diagnosis.selection.elimination import prune, worth_naming
 from cobot_joint.diagnosis.selection.external_loads import look_for_external_loads, look_for_unlogged_load
 from cobot_joint.diagnosis.selection.misreading import Misread, look_for_misreading
 from cobot_joint.diagnosis.selection.mistimed import look_for_mistiming
 from cobot_joint.diagnosis.selection.outside import look_outside
+from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.some_recordings import some_of
-from cobot_joint.diagnosis.selection.stepwise import Selected, Selection, Selector, prune, worth_naming
+from cobot_joint.diagnosis.selection.stepwise import Selector
 from cobot_joint.diagnosis.selection.unlisted.held_against import look_beside, look_for_unmodelled
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 from cobot_joint.diagnosis.store import Store

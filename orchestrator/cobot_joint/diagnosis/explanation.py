@@ -14,7 +14,7 @@ from cobot_joint.diagnosis.localization.evidence import where_it_shows
 from cobot_joint.diagnosis.selection.confidence import COUNTED_TERMS, beside_background, confidence
 from cobot_joint.diagnosis.selection.misreading import Misread
 from cobot_joint.diagnosis.selection.outside import Outside
-from cobot_joint.diagnosis.selection.stepwise import Selected, Selection
+from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 
 

@@ -20,7 +20,7 @@ from cobot_joint.diagnosis.estimation.problem import Simulated
 from cobot_joint.diagnosis.explanation import Explanation
 from cobot_joint.diagnosis.findings import Candidate, Estimate
 from cobot_joint.diagnosis.plant.plant import Parameter, Port, ScannedShape, TermCandidate
-from cobot_joint.diagnosis.selection.stepwise import Selected, Selection
+from cobot_joint.diagnosis.selection.selection import Selected, Selection
 
 VALUES = [
     None, True, 7, -0.0, 1e-300, float("inf"), "Ω", [1, [2.5]], (1, ("a", None)), {"a": 1, (1, 2): [3]}, {"set", "of"},

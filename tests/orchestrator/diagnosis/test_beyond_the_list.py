@@ -17,7 +17,7 @@ from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.plant.correction import Factor, Product
-from cobot_joint.diagnosis.selection.stepwise import Selected, Selection
+from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 from tests.orchestrator.diagnosis.axis import OFF, Axis, campaign
 

@@ -24,7 +24,8 @@ from cobot_joint.diagnosis.estimation.problem import Noise, Problem
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding
 from cobot_joint.diagnosis.plant.plant import Plant, Signals
 from cobot_joint.diagnosis.repair.repair import onsets
-from cobot_joint.diagnosis.selection.stepwise import Selected, Selection, Selector
+from cobot_joint.diagnosis.selection.selection import Selected, Selection
+from cobot_joint.diagnosis.selection.stepwise import Selector
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.diagnosis.thresholds import EVEN, EVIDENCE
 from cobot_joint.system.read import load_system

@@ -16,7 +16,7 @@ from cobot_joint.diagnosis.estimation.least_squares import fit_added
 from cobot_joint.diagnosis.estimation.problem import Problem, Run
 from cobot_joint.diagnosis.findings import Diagnosis
 from cobot_joint.diagnosis.selection.competition import finished
-from cobot_joint.diagnosis.selection.stepwise import Selected, Selection
+from cobot_joint.diagnosis.selection.selection import Selected, Selection
 
 
 def in_free_runs(problem: Problem, found: Diagnosis, search: Search, refit: Fit, units: Mapping[str, str]) -> Diagnosis:

@@ -32,7 +32,8 @@ from cobot_joint.diagnosis.localization.evidence import where_it_gains
 from cobot_joint.diagnosis.plant.correction import Product
 from cobot_joint.diagnosis.plant.plant import PROBE, Port
 from cobot_joint.diagnosis.selection.confidence import beside_background, confidence
-from cobot_joint.diagnosis.selection.stepwise import Selected, Selection, share
+from cobot_joint.diagnosis.selection.selection import Selected, Selection
+from cobot_joint.diagnosis.selection.stepwise import share
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 
 FITTED = 4  # proposals at most

@@ -20,7 +20,7 @@ from cobot_joint.diagnosis.findings import Estimate, Finding
 from cobot_joint.diagnosis.localization.evidence import where_it_gains
 from cobot_joint.diagnosis.selection.competition import finished
 from cobot_joint.diagnosis.selection.confidence import beside_background, confidence
-from cobot_joint.diagnosis.selection.stepwise import Selected, Selection
+from cobot_joint.diagnosis.selection.selection import Selected, Selection
 
 TRIED = 2  # parameters that are fitted, of those from which the Jacobian expects most
 

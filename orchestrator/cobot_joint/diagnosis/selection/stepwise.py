@@ -1,9 +1,9 @@
-"""Forward selection of terms with backward elimination: one by one while the evidence demands it, all else free."""
+"""Forward selection of terms: one by one while the evidence demands it, all else free."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from operator import attrgetter
 
@@ -12,10 +12,8 @@ import numpy as np
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.candidates.score_test import Column, Scan, Score, scores
 from cobot_joint.diagnosis.estimation.calibrate import SETTLED
-from cobot_joint.diagnosis.estimation.effects import ActiveTerm
-from cobot_joint.diagnosis.estimation.fit import Fit, marginal_covariance
+from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.least_squares import (
-    Precision,
     difference,
     fit,
     fit_added,
@@ -25,7 +23,9 @@ from cobot_joint.diagnosis.estimation.least_squares import (
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 from cobot_joint.diagnosis.findings import Candidate
 from cobot_joint.diagnosis.selection.competition import Competition, finished
+from cobot_joint.diagnosis.selection.elimination import loss_without, without_needless
 from cobot_joint.diagnosis.selection.left_out import predicts
+from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.store import Store
 
 POINTED = 8  # terms that are looked at again after the first was added
@@ -33,52 +33,8 @@ POSSIBLE = 4  # leading ones that are looked at as they are, where what is left 
 BESIDE = 2  # of them that are fitted in many recordings, where a later term may take less than it leaves
 PASSES = 3  # over the onsets of several terms
 SUBSET = 1e-8  # of the largest singular value, below which a column is not asked to stand in for another
-REDUCED = Precision(settled=20.0, roughly=0.01, steps=8, jacobians=1)  # of a fit without an earlier term
 
 Progress = Callable[[str], None]
-
-
-@dataclass
-class Selected:
-    """A term that is on, and what it stands for."""
-
-    term: str
-    gain: float  # chi-square that the fit loses without it
-    alike: dict[str, float] = field(default_factory=dict)  # term -> chi-square by which its fit is worse
-
-
-@dataclass
-class Selection:
-    """Fits term by term, the terms, and what every round looked at."""
-
-    history: list[Fit]  # the base model, then after every term
-    selected: list[Selected] = field(default_factory=list)
-    ranking: list[list[Candidate]] = field(default_factory=list)  # one per round
-    indistinguishable: dict[str, str] = field(default_factory=dict)  # term -> the one of another unit that it equals
-    probes: dict[str, float] = field(default_factory=dict)  # of the score test, which a later round needs
-    done: bool = False
-
-    @property
-    def fit(self) -> Fit:
-        """The last, with every term."""
-        return self.history[-1]
-
-    def taken(self, problem: Problem) -> dict[str, float]:
-        """Term -> what it takes, as a share of that and of what nothing explains; never more than its fellows on
-        average, since patches take much together and little each."""
-        before, left = (max(fit.chi2 - problem.samples, 1e-9) for fit in (self.history[0], self.fit))
-        average = 1 - min(left / before, 1.0) ** (1 / max(len(self.selected), 1))
-        return {s.term: min(s.gain / (s.gain + left), average) for s in self.selected}
-
-    @property
-    def imitates(self) -> bool:
-        """Whether several terms of one unit are on and one ends at what it may be: together they may be another."""
-        units = [active.component for active in self.fit.hypothesis.terms]
-        return any(units.count(unit) > 1 for unit in self.fit.units_at_bounds)
-
-    def up_to(self, count: int) -> Selection:
-        """With the first terms only."""
-        return replace(self, history=self.history[: count + 1], selected=self.selected[:count])
 
 
 class Selector:
@@ -172,10 +128,14 @@ class Selector:
         gain, above = best.cost - winner.cost, best.chi2 - self.problem.samples
         alike = {n: f.cost - winner.cost for n, f in fitted.items() if n != term and self.as_good(f, winner)}
         self.progress(f"{term} takes {share(gain, above)} of what is above noise")
-        last, selected = self.without_needless(
-            self.in_every_unit(winner), [*so_far.selected, Selected(term, gain, alike)]
-        )
-        return replace(so_far, history=[*so_far.history[: len(selected)], last], selected=selected)
+        added = Selected(term, gain, alike)
+        history = [*so_far.history, self.in_every_unit(winner)]
+        longer = replace(so_far, history=history, selected=[*so_far.selected, added])
+        found = without_needless(self.problem, longer)
+        for s in longer.selected:
+            if s not in found.selected:
+                self.progress(f"{s.term} is no longer needed")
+        return found
 
     def search(self, history: Sequence[Fit]) -> tuple[list[Score], dict[str, Fit], Fit | None]:
         """(ranking, fits of the leading candidates, the best of them if the evidence demands it).
@@ -319,71 +279,10 @@ class Selector:
             J[:, columns] = fresh
         return J
 
-    def without_needless(self, best: Fit, selected: list[Selected]) -> tuple[Fit, list[Selected]]:
-        """Without earlier terms that the last one made needless: what stood in for it while it was off."""
-        for term in selected[:-1]:
-            needed = max(self.problem.evidence, thresholds.STILL_NEEDED * term.gain)
-            if loss_without(best, term.term) > thresholds.NEEDS_NO_FIT * needed:
-                continue
-            found = without_terms(self.problem, best, {term.term})
-            if found is not None and found.cost - best.cost < needed:
-                self.progress(f"{term.term} is no longer needed")
-                best, selected = found, [s for s in selected if s is not term]
-        return best, selected
-
     def as_good(self, fit: Fit, best: Fit) -> bool:
         """Whether a fit cannot be told from the best."""
         left = max(self.problem.excess(best.residual), 0.0)
         return fit.cost - best.cost < thresholds.ALIKE + thresholds.ALIKE_SHARE * left
-
-
-def without_terms(problem: Problem, best: Fit, names: Collection[str]) -> Fit | None:
-    """A fit without some of its terms, all else re-fitted. None: it cannot be simulated."""
-    at = best.settled()
-    others = tuple(e for e in at.hypothesis.effects if not (isinstance(e, ActiveTerm) and e.name in names))
-    less = replace(at.hypothesis, effects=others)
-    left = [c.names[0] for c in less.coordinates]
-    kept = [k for k, c in enumerate(at.hypothesis.coordinates) if c.names[0] in left]
-    return fit(problem, less, at.x[kept], at.jacobian[:, kept], REDUCED)
-
-
-def loss_without(best: Fit, name: str) -> float:
-    """Chi-square that a fit would lose without that term, all else re-fitted, by its Jacobian (a Wald test).
-
-    Its shapes stay as they are: without an amplitude they are nothing.
-    """
-    coordinates = best.hypothesis.coordinates
-    term = next(a.term for a in best.hypothesis.terms if a.name == name)
-    shapes = {s.name for s in term.shapes}
-    free = [k for k, c in enumerate(coordinates) if c.names[0] not in shapes]
-    own = [n for n, k in enumerate(free) if coordinates[k].names[0] == term.amplitude]
-    spread = marginal_covariance(best.jacobian[:, free], best.hypothesis.prior[free])[np.ix_(own, own)]
-    x = best.x[free][own]
-    return float(x @ np.linalg.pinv(spread) @ x)
-
-
-def prune(problem: Problem, selection: Selection) -> Selection:
-    """Without the last terms that explain less than what stays unexplained: patches, not explanations."""
-    left = problem.excess(selection.fit.residual) - thresholds.LEFT_SIGMA * problem.excess_scatter
-    return _worth(selection, left)
-
-
-def worth_naming(problem: Problem, calibrated: Fit, selection: Selection) -> Selection:
-    """Where a campaign says what to look at: without the last terms that take little of what the re-fit leaves.
-
-    No model of a real machine leaves nothing but noise, so what stays unexplained is no measure there.
-    """
-    above = calibrated.chi2 - problem.samples
-    kept = _worth(selection, thresholds.WORTH * above)
-    return kept if kept.selected else _worth(selection.up_to(1), thresholds.LEAST * above)
-
-
-def _worth(selection: Selection, least: float) -> Selection:
-    """Without the last terms that take less."""
-    count = len(selection.selected)
-    while count and selection.selected[count - 1].gain < least:
-        count -= 1
-    return selection.up_to(count)
 
 
 def share(part: float, whole: float) -> str:

@@ -12,7 +12,7 @@ from cobot_joint.diagnosis.anchored import free_runs
 from cobot_joint.diagnosis.anchored.search import Named, Search
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding
 from cobot_joint.diagnosis.plant.plant import TermCandidate
-from cobot_joint.diagnosis.selection.stepwise import Selected, Selection
+from cobot_joint.diagnosis.selection.selection import Selected, Selection
 
 ALONG, FREE, REPAIRED = 5.0, 2.0, 7.0
 

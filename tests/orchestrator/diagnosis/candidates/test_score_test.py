@@ -12,7 +12,7 @@ from cobot_joint.diagnosis.estimation.least_squares import Precision, fit, fit_a
 from cobot_joint.diagnosis.estimation.port_response import respond
 from cobot_joint.diagnosis.estimation.problem import Noise, Problem
 from cobot_joint.diagnosis.estimation.projection import Projection
-from cobot_joint.diagnosis.selection.stepwise import loss_without
+from cobot_joint.diagnosis.selection.elimination import loss_without
 from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, TERMS, Axis, campaign
 
 WINDAGE = {"axis.windage.c": 2e-7}

@@ -19,7 +19,8 @@ from cobot_joint.diagnosis.findings import Diagnosis, Finding, LoadHistory
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.repair.verify import acted_on
 from cobot_joint.diagnosis.selection.external_loads import look_for_external_loads, look_for_unlogged_load, short_times
-from cobot_joint.diagnosis.selection.stepwise import Selected, Selection, Selector
+from cobot_joint.diagnosis.selection.selection import Selected, Selection
+from cobot_joint.diagnosis.selection.stepwise import Selector
 from cobot_joint.system.read import load_system
 from tests.orchestrator.diagnosis.bench import SETUPS, TIME, calibrated, recordings
 

@@ -16,10 +16,14 @@ from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit, fit_added
 from cobot_joint.diagnosis.estimation.problem import Noise, Problem
 from cobot_joint.diagnosis.selection.competition import Competition
-from cobot_joint.diagnosis.selection.stepwise import Selected, Selection, Selector, prune, share
+from cobot_joint.diagnosis.selection.elimination import prune, without_needless
+from cobot_joint.diagnosis.selection.selection import Selected, Selection
+from cobot_joint.diagnosis.selection.stepwise import Selector, share
 from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, TERMS, Axis, campaign
 
-COGGING, ASYMMETRY = (next(t for t in TERMS if t.name == name) for name in ("axis.cogging", "axis.asymmetry"))
+COGGING, ASYMMETRY, WINDAGE = (
+    next(t for t in TERMS if t.name == f"axis.{name}") for name in ("cogging", "asymmetry", "windage")
+)
 TRUE = {"axis.cogging.A": 6e-3, "axis.cogging.n": 5.0, "axis.cogging.phi_0": 0.4}
 
 
@@ -64,10 +68,31 @@ def test_a_term_that_a_later_one_made_needless_goes() -> None:
     both = fit_added(problem, patched, [ActiveTerm(COGGING, TRUE)], Precision())
     assert both is not None
     selected = [Selected("axis.asymmetry", 1e3), Selected("axis.cogging", 1e5)]
-    left, kept = Selector(problem, Scan(problem, TERMS), lambda words: None).without_needless(both, selected)
-    assert [s.term for s in kept] == ["axis.cogging"]
-    assert [a.name for a in left.hypothesis.terms] == ["axis.cogging"]
-    assert left.cost - both.cost < 500
+    left = without_needless(problem, Selection([base, patched, both], selected))
+    assert [s.term for s in left.selected] == ["axis.cogging"]
+    assert [[a.name for a in f.hypothesis.terms] for f in left.history] == [[], ["axis.cogging"]]
+    assert left.fit.cost - both.cost < 500
+
+
+def test_a_shorter_selection_has_the_fit_of_its_own_terms_after_one_was_dropped() -> None:
+    """With the first of two terms that stayed came the fit with the one that had gone."""
+    problem, base = refitted(campaign(TRUE | {"axis.windage.c": 4e-5}))
+    values = {
+        "axis.asymmetry": {"axis.asymmetry.tau_A": 1e-4},
+        "axis.cogging": TRUE,
+        "axis.windage": {"axis.windage.c": 4e-5},
+    }
+    history = [base]
+    for term in (ASYMMETRY, WINDAGE, COGGING):
+        found = fit_added(problem, history[-1], [ActiveTerm(term, values[term.name])], Precision())
+        assert found is not None
+        history.append(found)
+    names = ["axis.asymmetry", "axis.windage", "axis.cogging"]
+    left = without_needless(problem, Selection(history, [Selected(name, 1e3) for name in names]))
+    assert [s.term for s in left.selected] == ["axis.windage", "axis.cogging"]
+    for count in range(3):
+        some = left.up_to(count)
+        assert [a.name for a in some.fit.hypothesis.terms] == [s.term for s in some.selected]
 
 
 @pytest.mark.parametrize("second", [{}, {"axis.asymmetry.tau_A": 2e-3}])

@@ -7,7 +7,8 @@ from dataclasses import replace
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem
-from cobot_joint.diagnosis.selection.stepwise import Selection, without_terms
+from cobot_joint.diagnosis.selection.elimination import without_terms
+from cobot_joint.diagnosis.selection.selection import Selection
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Say, Unmodelled, look_at_ports
 
 

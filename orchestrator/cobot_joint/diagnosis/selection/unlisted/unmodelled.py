@@ -26,7 +26,8 @@ from cobot_joint.diagnosis.localization.evidence import where_it_gains
 from cobot_joint.diagnosis.plant.correction import Product
 from cobot_joint.diagnosis.plant.plant import Port
 from cobot_joint.diagnosis.selection.confidence import beside_background, confidence
-from cobot_joint.diagnosis.selection.stepwise import Selected, share
+from cobot_joint.diagnosis.selection.selection import Selected
+from cobot_joint.diagnosis.selection.stepwise import share
 from cobot_joint.diagnosis.selection.unlisted.formula import forward
 from cobot_joint.diagnosis.selection.unlisted.late_onset import look_late
 from cobot_joint.diagnosis.selection.unlisted.promising import promising

@@ -24,7 +24,7 @@ from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.plant.correction import Factor, Product
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.repair.repair import repair
-from cobot_joint.diagnosis.selection.stepwise import Selected, Selection
+from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.unlisted import held_against
 from cobot_joint.diagnosis.selection.unlisted.held_against import look_for_unmodelled
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled

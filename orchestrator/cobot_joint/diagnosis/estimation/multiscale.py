@@ -15,6 +15,7 @@ import numpy as np
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit, predicted_decrease
 from cobot_joint.diagnosis.estimation.problem import Block, Problem, Vector
 
@@ -54,8 +55,7 @@ def out_of_local_minimum(problem: Problem, found: Fit, precision: Precision) -> 
 
     The question costs no simulation: the fit's own Jacobian, averaged, predicts what the slow residual would lose.
     """
-    shortest = min(len(recording.time) for recording in problem.recordings)
-    scales = [Averaged(problem, window) for window in WINDOWS if shortest >= LEAST * window]
+    scales = _scales(problem)
     if not any(_is_far(slow, found) for slow in scales):
         return found
     at = found
@@ -67,6 +67,27 @@ def out_of_local_minimum(problem: Problem, found: Fit, precision: Precision) -> 
         at = begun
     ended = fit(problem, found.hypothesis, at.x, None, precision)
     return ended if ended is not None and ended.cost < found.cost else found
+
+
+def slow_first(problem: Problem, hypothesis: Hypothesis, x: Vector, precision: Precision) -> Fit | None:
+    """A fit that begins far from where it belongs. None: the start cannot be simulated."""
+    for slow in _scales(problem):
+        begun = fit(slow, hypothesis, x, None, ON_THE_WAY)
+        if begun is None:
+            return None
+        x = begun.x
+    return fit(problem, hypothesis, x, None, precision)
+
+
+def slow_part(problem: Problem) -> Averaged | None:
+    """The narrowest window's means. None: the recordings are too short."""
+    return next(reversed(_scales(problem)), None)
+
+
+def _scales(problem: Problem) -> list[Averaged]:
+    """Those that the recordings are long enough for, the slowest first."""
+    shortest = min(len(recording.time) for recording in problem.recordings)
+    return [Averaged(problem, window) for window in WINDOWS if shortest >= LEAST * window]
 
 
 def _is_far(slow: Averaged, found: Fit) -> bool:

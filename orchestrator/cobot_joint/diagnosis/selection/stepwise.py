@@ -24,6 +24,7 @@ from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 from cobot_joint.diagnosis.findings import Candidate
 from cobot_joint.diagnosis.selection.competition import Competition, finished
 from cobot_joint.diagnosis.selection.elimination import loss_without, without_needless
+from cobot_joint.diagnosis.selection.from_afar import look_from_afar
 from cobot_joint.diagnosis.selection.left_out import predicts
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.store import Store
@@ -154,7 +155,8 @@ class Selector:
             ranked = scores(self.problem, best, columns)
             own = [s for s in ranked if s.term.name not in self.scan.indistinguishable]  # not fitted twice
             if active and self._is_background(best, own):
-                break
+                found = self._from_afar(best, active)
+                return ranked, found, next(iter(found.values()), None)
             beside = bool(active) and self._may_predict(best)
             some = own[:BESIDE] if beside and not self.problem.onsets else own
             found = self.competition.fits(best, some, thresholds.WORTH_FITTING * self.problem.evidence)
@@ -182,6 +184,13 @@ class Selector:
                 return False
         self.progress(f"the best further term is predicted to take {share(gain, above)} of what is left: a background")
         return True
+
+    def _from_afar(self, best: Fit, active: Collection[str]) -> dict[str, Fit]:
+        """See look_from_afar; where what is left stands out."""
+        if not self.problem.stands_out(best.residual):
+            return {}
+        known = {*active, *self.scan.indistinguishable}
+        return look_from_afar(self.problem, best, [c for c in self._columns if c.term.name not in known])
 
     def setting_in(self, best: Fit, onset: float) -> Fit | None:
         """The best listed term that is off until about then, beside a fit. None: none can be simulated."""

@@ -1,0 +1,64 @@
+"""Terms of whose size a sensitivity at zero says nothing: simulated as large as what is left, judged by its slow part.
+
+A gap that is twice as wide moves every impact: its response is no multiple of that of a little more gap, and as long as
+impacts are out of step the residual is no smaller for the right size. What is slow in it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.candidates.score_test import Column
+from cobot_joint.diagnosis.estimation.effects import ActiveTerm
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.multiscale import slow_first, slow_part
+from cobot_joint.diagnosis.estimation.problem import Problem
+from cobot_joint.diagnosis.selection.competition import finished
+
+SIZES = tuple(2.0**k for k in range(-2, 6))  # times that whose response, in proportion, were as large as what is left
+FITTED = 2  # of the leading terms
+
+
+def look_from_afar(problem: Problem, best: Fit, columns: Sequence[Column]) -> dict[str, Fit]:
+    """Fits of the leading terms beside `best`, by term, the lowest cost first; none that is no better.
+
+    columns: one of each term is tried. Waves are not: free runs lose the angle that they go by.
+    """
+    slow = slow_part(problem)
+    if slow is None:
+        return {}
+    at = best.settled()
+    first = {c.term.name: c for c in reversed(columns) if c.term.phase is None and not c.term.episode}
+    tried = [active for column in first.values() for active in _sizes(column, best)]
+    simulated = problem.simulate([at.hypothesis.with_effects(a).run(np.concatenate([at.x, a.start()])) for a in tried])
+    before = float(np.sum(slow.of(at.residual) ** 2))
+    takes: dict[str, tuple[float, ActiveTerm]] = {}
+    for active, run in zip(tried, simulated, strict=True):
+        if run is None:
+            continue
+        gain = before - float(np.sum(slow.of(problem.recorded - run.white) ** 2))
+        if gain > takes.get(active.name, (0.0, active))[0]:
+            takes[active.name] = gain, active
+    leading = sorted(takes.values(), key=lambda taken: -taken[0])[:FITTED]
+    enough = thresholds.WORTH_FITTING * (before - slow.samples)
+    fits: dict[str, Fit] = {}
+    for gain, active in leading:
+        hypothesis = at.hypothesis.with_effects(active)
+        if gain > enough and (
+            found := slow_first(problem, hypothesis, np.concatenate([at.x, active.start()]), finished(1))
+        ):
+            fits[active.name] = found
+    lower = {name: found for name, found in fits.items() if found.cost < best.cost}
+    return dict(sorted(lower.items(), key=lambda item: item[1].cost))
+
+
+def _sizes(column: Column, best: Fit) -> list[ActiveTerm]:
+    """The term at sizes of either sign, as far as it may be."""
+    (response,), term = column.vectors, column.term
+    as_large = float(np.sqrt(best.chi2 / (response @ response)))
+    sizes = [term.neutral + sign * k * as_large for sign in (1, -1) for k in SIZES]
+    values = {**column.shape, term.amplitude: 0.0}
+    return [ActiveTerm(term, {**values, term.amplitude: x}) for x in sizes if term.lower <= x <= term.upper]

@@ -30,11 +30,12 @@ from cobot_joint.diagnosis.selection.elimination import prune, worth_naming
 from cobot_joint.diagnosis.selection.external_loads import look_for_external_loads, look_for_unlogged_load
 from cobot_joint.diagnosis.selection.misreading import Misread, look_for_misreading
 from cobot_joint.diagnosis.selection.mistimed import look_for_mistiming
-from cobot_joint.diagnosis.selection.outside import look_outside
+from cobot_joint.diagnosis.selection.outside import Outside, look_outside
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.some_recordings import some_of
 from cobot_joint.diagnosis.selection.stepwise import Selector
 from cobot_joint.diagnosis.selection.unlisted.held_against import look_beside, look_for_unmodelled
+from cobot_joint.diagnosis.selection.unlisted.remains import remains
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.errors import UserError, among
@@ -150,13 +151,22 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
         "parameters outside their tolerances",
         lambda: look_outside(problem, found.calibrated, *listed, select, say),
     )
-    if outside is None or (found.unmodelled and found.unmodelled.outdoes(problem, outside.fit)):
+    if outside is None or (found.unmodelled and _stands_before(problem, found.unmodelled, outside)):
         return found
     as_good = misread if misread and misread.as_good(problem, found.calibrated, outside.gain) else None
     beside = problem.budget.spend("formulas", lambda: look_beside(problem, outside.selection, say))
     fit = beside.fit if beside else outside.fit
     explained = Explanation(found.calibrated, fit, outside.selection, outside.selection.selected, beside)
     return replace(explained, outside=outside, misread=as_good)
+
+
+def _stands_before(problem: Problem, formula: Unmodelled, outside: Outside) -> bool:
+    """Whether a formula is the answer, not a parameter outside its tolerance: it leaves so much less, or less, and the
+    parameter is no claim."""
+    if formula.outdoes(problem, outside.fit):
+        return True
+    left, rest = remains(problem, outside.fit, formula.fit)
+    return formula.is_likely and left > formula.freedom * rest and outside.confidence(problem) < thresholds.EVEN
 
 
 def _channel_or_parameter(problem: Problem, nothing: Selection, misread: Misread, say: Progress) -> Explanation:
@@ -248,14 +258,15 @@ def _beyond_the_list(
     outdone = unmodelled is not None and unmodelled.is_likely and unmodelled.outdoes(problem, listed.fit)
     # In free runs the angle that a listed term goes by is lost; a formula along the recorded motion has it.
     lost = bool(outdone and unmodelled and unmodelled.is_wave)
-    asked = much and follows and not given
+    stands = listed.selected if left < thresholds.REMAINDER * before else []
+    settled = outdone and not lost and not stands  # whatever the motion says
+    asked = much and follows and not given and not settled
     along = partial(_followed, campaign, problem, listed, say, store)
     found = spend("the recorded motion", along) if asked and (lost or doubtful or not takes_most) else None
     gives_way = lost or not unmodelled  # a formula, to what the motion says
     if found and takes_most and gives_way and (both := beside_listed(problem, listed, found)):
         return Explanation(calibrated, both[0], listed, both[1], anchored=found, rival=rival)
     found = found if lost or not takes_most else None
-    stands = listed.selected if left < thresholds.REMAINDER * before else []
     stay = {s.term for s in unmodelled.selected} if unmodelled else set[str]()  # with a formula, or without
     heard = [s.term for s in (stands if takes_most else stands[:1]) if s.term not in stay]
     if found and any(map(found.supports, heard)):

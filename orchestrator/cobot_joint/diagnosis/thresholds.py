@@ -29,7 +29,7 @@ WORTH = 0.1  # of what is above noise, that a later term must take, and a level 
 INEXACT = 3e-5  # of what was taken before, that a later term must take: no form is known to half a percent [naming]
 STILL_NEEDED = 0.02  # of what an earlier term took, that it must take beside a later one [naming]
 LATER = 60.0  # chi-square by which a late onset must beat being there from the start: 16 onsets, two sigma each [count]
-MOST_TERMS = 4  # of a campaign, and features of a formula; drawn campaigns have two at most [count]
+MOST_TERMS = 4  # of a campaign; drawn ones have two at most [count]
 
 # -- what cannot be told apart
 COLLINEAR = 0.9995  # cosine from which on two responses are one: motor and gear friction have 1.000 [naming]
@@ -51,6 +51,7 @@ BEYOND_DOUBT = 100.0  # times the evidence, by the Jacobian: a few steps of a fi
 ENDED_EARLY = 0.1  # of what such a term takes, by which the fit before it may have ended early [naming]
 
 # -- unmodelled effects: formulas and tables follow whatever the data show, so they must do more
+MOST_FEATURES = 6  # of a formula: a drag that half of every turn has is a drag, a wave and its double, two numbers each
 REMAINDER = 0.1  # of the excess before, left by one term, below which the list explains the recordings [naming]
 TERMS_STAND = 0.15  # of it, up to which listed terms stand, though the form of one may be somewhat off [naming]
 TIMES_LESS = 3.0  # per feature, that a formula must leave in place of one listed term; a table than a formula [naming]

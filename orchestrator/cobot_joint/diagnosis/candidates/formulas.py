@@ -9,13 +9,14 @@ from functools import cached_property
 import numpy as np
 
 from cobot_joint.diagnosis.estimation.fit import Fit
-from cobot_joint.diagnosis.estimation.order_spectrum import order_spectrum
+from cobot_joint.diagnosis.estimation.order_spectrum import clearest_between, order_spectrum
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 from cobot_joint.diagnosis.estimation.recorded_motion import along_recording
 from cobot_joint.diagnosis.plant.correction import SGN, TIME, Factor, Product
 from cobot_joint.diagnosis.plant.plant import Port, Signals
 
 ORDERS = tuple(float(n) for n in range(1, 49))  # periods per turn that are looked for
+BETWEEN = 12.0  # up to which one that is no whole number is looked for
 FEW, MORE = 2, 4  # waves that are tried at every port, and at those where the residual points
 LOADS = 2  # of a unit's torques and currents that forms are made of
 COLLINEAR = 0.97  # correlation from which on two loads are one
@@ -90,9 +91,16 @@ class Dictionary:
         """Orders of the port's angles that stand out of the residual, clearest first."""
         found: list[tuple[float, Wave]] = []
         for name in self.port.angles:
-            power, _ = order_spectrum(self.problem, self.residual, name, self.outputs, ORDERS)
-            found += [(float(p), (_short(name), n)) for n, p in zip(ORDERS, power, strict=True) if p > 0]
+            orders = self._orders(name)
+            power, _ = order_spectrum(self.problem, self.residual, name, self.outputs, orders)
+            found += [(float(p), (_short(name), n)) for n, p in zip(orders, power, strict=True) if p > 0]
         return [wave for _, wave in sorted(found, reverse=True)]
+
+    def _orders(self, angle: str) -> list[float]:
+        """Whole ones, and the clearest that is none, with its double, in place of those in which it shows as well."""
+        n = clearest_between(self.problem, self.residual, angle, self.outputs, BETWEEN)
+        between = [] if n is None else [n, 2 * n]
+        return [*(k for k in ORDERS if all(abs(k - other) >= 1 for other in between)), *between]
 
     def first(self) -> dict[Product, Feature]:
         """The few that tell where the residual points."""

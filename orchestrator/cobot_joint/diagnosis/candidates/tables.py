@@ -56,9 +56,12 @@ class Table:
     choice: Choice[str]  # of one feature: the table, whose size is free
 
 
-def look_for_table(problem: Problem, start: Fit, ports: Sequence[Port], say: Callable[[str], None]) -> Table | None:
+def look_for_table(
+    problem: Problem, start: Fit, ports: Sequence[Port], say: Callable[[str], None], only_speeds: bool = False
+) -> Table | None:
     """The table that takes most at any of the ports; None: no signal there moves."""
     structure = max(problem.excess(start.residual), 1e-9)
+    arguments = over_speed if only_speeds else over_any
     best: tuple[float, Dictionary, int] | None = None
     for port in ports:
         say(f"tables at {port.name}")
@@ -73,19 +76,30 @@ def look_for_table(problem: Problem, start: Fit, ports: Sequence[Port], say: Cal
     return _fitted(problem, start, dictionary, arguments(dictionary, FINE)[number])
 
 
-def arguments(dictionary: Dictionary, count: int) -> list[Argument]:
+def over_speed(dictionary: Dictionary, count: int) -> list[Argument]:
+    """The unit's own speed."""
+    return _over(dictionary, [dictionary.speed] if dictionary.speed else [], count)
+
+
+def over_any(dictionary: Dictionary, count: int) -> list[Argument]:
     """Speed, loads, angles over a turn, time; the latter two also with the sign of the speed."""
     locals_ = list(dictionary.locals.values())
     directions = ["", *([dictionary.speed] if dictionary.speed else [])]
-    found = []
-    for name in ([dictionary.speed] if dictionary.speed else []) + dictionary.loads:
-        u = np.concatenate([k.signals[name] for k in locals_])
-        if np.ptp(u) > 0:
-            found.append(Argument(name, np.linspace(u.min(), u.max(), count)))
+    found = over_speed(dictionary, count) + _over(dictionary, dictionary.loads, count)
     for name in (a for a in dictionary.angles if dictionary.reach(a) > TURN / 2):
         found += [Argument(name, np.linspace(0, TURN, count), TURN, d) for d in directions]
     end = max(float(k.time[-1]) for k in locals_)
     return found + [Argument(TIME, np.linspace(0, end, count), 0.0, d) for d in directions]
+
+
+def _over(dictionary: Dictionary, names: Sequence[str], count: int) -> list[Argument]:
+    """Signals as far as they move."""
+    found = []
+    for name in names:
+        u = np.concatenate([k.signals[name] for k in dictionary.locals.values()])
+        if np.ptp(u) > 0:
+            found.append(Argument(name, np.linspace(u.min(), u.max(), count)))
+    return found
 
 
 def _fitted(problem: Problem, start: Fit, dictionary: Dictionary, argument: Argument) -> Table:

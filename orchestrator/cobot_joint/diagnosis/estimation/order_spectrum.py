@@ -8,11 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import detrend
 
+from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 
 WIDTHS = (512, 1024, 2048, 4096)  # samples of a window: the first in which the shaft turns `TURNS`, or the last
 TURNS = 4.0
 PERIODS = 2.0  # that a window must hold of an order
+QUICK = 0.75  # quantile of the speed
+# of orders between whole ones
+LONGER = (8192, 16384)  # windows that resolve them better
+LOWEST = 0.4
+SAME = 1e-9  # to which two orders are as far apart as two others
+APART, REACH = 0.5, 4  # of the resolution, from one to the next; so many steps about one that a shorter window found
+CLEARER = 2.0  # times the power of the whole order next to it
 
 
 def order_spectrum(
@@ -21,8 +29,10 @@ def order_spectrum(
     angle: str,
     signals: Sequence[Mapping[str, Vector]],
     orders: Sequence[float],
+    width: int | None = None,
 ) -> tuple[Vector, Vector]:
     """Per order n: sum over windows and channels of |projection on exp(j n phi)|^2 above its expectation; how many.
+    width: samples of a window; None: as many as the shaft needs for some turns.
 
     A window counts where it holds `PERIODS` at least, below the Nyquist frequency; a phase that shifts with speed does
     no harm. signals: per recording, by name, (n,) each; runs without the angle do not count.
@@ -32,7 +42,7 @@ def order_spectrum(
     blocks = [b for b in problem.blocks if angle in signals[b.recording]]
     if not blocks:
         return power, windows
-    width = _width([signals[k][angle] for k in {b.recording for b in blocks}])
+    width = width or _width([signals[k][angle] for k in {b.recording for b in blocks}])
     taper = np.hanning(width) / np.sqrt(np.mean(np.hanning(width) ** 2))  # else slow structure leaks into low orders
     for number in dict.fromkeys(b.recording for b in blocks):
         rows = [b.rows for b in blocks if b.recording == number]
@@ -49,18 +59,61 @@ def order_spectrum(
     return power, windows
 
 
+def clearest_between(
+    problem: Problem, residual: Vector, angle: str, signals: Sequence[Mapping[str, Vector]], most: float
+) -> float | None:
+    """The order up to `most`, no whole number, that stands out most; None: none does beside the whole one next to it.
+
+    Bearings and belts leave such. First in windows of some turns; then in longer ones, which resolve it better: an
+    order is known to a part of the inverse of the turns that a window has. residual, signals: as above.
+    """
+    angles = [signals[k][angle] for k in {b.recording for b in problem.blocks} if angle in signals[k]]
+    if not angles:
+        return None
+    shortest = min(map(len, angles))
+    widths = [w for w in (*WIDTHS, *LONGER) if _width(angles) <= w <= shortest]
+    best: float | None = None
+    for width in widths:
+        step = APART / _turns(angles, width)
+        around = (LOWEST, most) if best is None else (best - REACH * step, best + REACH * step)
+        orders = np.arange(*around, step).tolist()
+        best = _peak(orders, order_spectrum(problem, residual, angle, signals, orders, width)[0])
+    if best is None:
+        return None
+    whole = max(round(best), 1)
+    if abs(best - whole) < 1 / _turns(angles, widths[-1]):
+        return None
+    (here, there), windows = order_spectrum(problem, residual, angle, signals, [best, whole], widths[-1])
+    stands_out = here > thresholds.STANDS_OUT * np.sqrt(max(windows[0], 1))
+    return best if stands_out and here > CLEARER * there else None
+
+
+def _peak(orders: Sequence[float], power: Vector) -> float:
+    """Of a parabola through the largest and its neighbours."""
+    k = int(np.argmax(power))
+    if not 0 < k < len(power) - 1:
+        return orders[k]
+    before, here, after = power[k - 1 : k + 2]
+    return orders[k] + (orders[1] - orders[0]) * float((before - after) / (before - 2 * here + after)) / 2
+
+
+def _turns(angles: Sequence[Vector], width: int) -> float:
+    """Of the shaft in a window where it is quick."""
+    return float(np.quantile(np.abs(np.concatenate([np.diff(phi) for phi in angles])), QUICK)) * width / (2 * np.pi)
+
+
 def _waves(phi: Vector, orders: Vector) -> Iterator[NDArray[np.complex128]]:
-    """exp(-j n phi) for each order n; of whole orders one after the other a product of the last: as phi"""
-    last, turn = 0.0, np.exp(-1j * phi)
-    wave = np.ones_like(turn)
+    """exp(-j n phi) for each order n; where they are as far apart as the ones before, a product of the last: as phi"""
+    wave, turn, last, apart = np.ones_like(phi, dtype=complex), np.ones_like(phi, dtype=complex), 0.0, 0.0
     for order in orders:
-        wave = wave * turn if order == last + 1 else np.exp(-1j * order * phi)
-        last = order
+        if abs(order - last - apart) > SAME:
+            apart = order - last
+            turn = np.exp(-1j * apart * phi)
+        wave, last = wave * turn, order
         yield wave
 
 
 def _width(angles: Sequence[Vector]) -> int:
     """The same for all runs; no longer than the shortest of them."""
-    speed = float(np.quantile(np.abs(np.concatenate([np.diff(phi) for phi in angles])), 0.75))
     possible = [w for w in WIDTHS if w <= min(map(len, angles))] or [WIDTHS[0]]
-    return next((w for w in possible if speed * w > TURNS * 2 * np.pi), possible[-1])
+    return next((w for w in possible if _turns(angles, w) > TURNS), possible[-1])

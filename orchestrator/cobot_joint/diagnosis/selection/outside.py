@@ -49,16 +49,19 @@ class Outside:
         """`component.parameter`"""
         return next(e.name for e in self.fit.hypothesis.effects if isinstance(e, FreeParameter))
 
-    def finding(self, problem: Problem, calibrated: Fit, repaired: Mapping[str, Estimate]) -> Finding:
-        """As a diagnosis says it. repaired: parameters as they were fitted."""
+    def confidence(self, problem: Problem) -> float:
+        """In the parameter: by the share that it takes, or by how little is left."""
         left, excess = max(self.fit.chi2 - problem.samples, 0.0), max(problem.excess(self.fit.residual), 0.0)
         rows = problem.is_table and problem.unexplained(self.fit.residual)
         much = rows or excess > thresholds.CLEARLY_LEFT * problem.excess_scatter
-        sure = beside_background(self.gain / (self.gain + left)) if much else confidence(self.gain, excess)
+        return beside_background(self.gain / (self.gain + left)) if much else confidence(self.gain, excess)
+
+    def finding(self, problem: Problem, calibrated: Fit, repaired: Mapping[str, Estimate]) -> Finding:
+        """As a diagnosis says it. repaired: parameters as they were fitted."""
         return Finding(
             term=self.name,
             equivalent=self.alike[: thresholds.MOST_NAMES - 1],
-            confidence=sure,
+            confidence=self.confidence(problem),
             onset=None,
             parameters={self.name: repaired[self.name]},
             where=where_it_gains(problem, calibrated.residual**2 - self.fit.residual**2),

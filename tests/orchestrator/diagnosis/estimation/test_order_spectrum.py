@@ -8,17 +8,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cobot_joint.diagnosis.estimation.order_spectrum import order_spectrum
+from cobot_joint.diagnosis.estimation.order_spectrum import clearest_between, order_spectrum
 
 ORDERS = range(1, 25)
 
 
-def spectrum(w: float, order: float, amplitude: float) -> tuple[Any, Any]:
-    """Of white noise with a wave in it over the angle of a shaft that turns back and forth at about w, in rad/s."""
+def wave(w: float, order: float, amplitude: float) -> tuple[Any, Any, Any]:
+    """(problem, residual, angle): noise, and a wave over a shaft that turns back and forth at about w, in rad/s."""
     t = np.arange(0, 48, 1e-3)
     phi = np.cumsum(w * np.sign(np.sin(2 * np.pi * t / 24)) * (1 + 0.2 * np.sin(t))) * 1e-3
     r = np.random.default_rng(1).normal(size=len(t)) + amplitude * np.sin(order * phi + 1)
     problem: Any = SimpleNamespace(blocks=[SimpleNamespace(recording=0, rows=slice(0, len(t)))])
+    return problem, r, phi
+
+
+def spectrum(w: float, order: float, amplitude: float) -> tuple[Any, Any]:
+    """Of such a wave."""
+    problem, r, phi = wave(w, order, amplitude)
     return order_spectrum(problem, r, "phi", [{"phi": phi}], ORDERS)
 
 
@@ -39,3 +45,18 @@ def test_orders_above_the_nyquist_frequency_or_without_two_periods_are_not_judge
     assert windows[ORDERS.index(12)] == 0  # 12*300 rad/s > 0.8*pi*1000
     _, windows = spectrum(0.5, 1, 0.0)
     assert windows[0] == 0  # 4 s at 0.5 rad/s are a third of a turn
+
+
+@pytest.mark.parametrize(("w", "order"), [(300.0, 2.6179), (40.0, 3.58), (6.0, 1.1965)])
+def test_an_order_between_whole_ones_is_known_to_a_tenth_of_a_turn_in_all_that_the_shaft_turned(
+    w: float, order: float
+) -> None:
+    problem, r, phi = wave(w, order, 0.3)
+    found = clearest_between(problem, r, "phi", [{"phi": phi}], 12.0)
+    assert found == pytest.approx(order, abs=0.1 / (np.ptp(phi) / (2 * np.pi)))
+
+
+@pytest.mark.parametrize(("order", "amplitude"), [(4, 0.3), (1, 0.3), (1, 0.0)])
+def test_a_whole_order_or_noise_is_no_order_between(order: int, amplitude: float) -> None:
+    problem, r, phi = wave(40.0, order, amplitude)
+    assert clearest_between(problem, r, "phi", [{"phi": phi}], 12.0) is None

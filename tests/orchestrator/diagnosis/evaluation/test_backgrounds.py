@@ -138,8 +138,8 @@ def test_the_tables_count_what_was_missed_and_what_was_false(machine: FieldDrawn
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("seed", "number", "component"),
-    [(21, 6, "motor_bldc"), (73, 48, "mr_brake_belt")],
-    ids=["cubic", "a seal that runs out of true"],
+    [(21, 6, "motor_bldc"), (73, 48, "mr_brake_belt"), (73, 7, "motor_bldc")],
+    ids=["cubic", "rough places", "a resonance"],
 )
 def test_a_drag_on_no_list_is_not_called_a_data_sheet_that_is_wrong(seed: int, number: int, component: str) -> None:
     """Such machines were answered with windage, `friction.tau_C` and `brake.d_off` outside their tolerances, at 95 %"""

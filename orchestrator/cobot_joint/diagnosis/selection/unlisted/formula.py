@@ -20,7 +20,7 @@ def forward(problem: Problem, start: Fit, columns: Sequence[Column[Product]]) ->
     worth = max(problem.evidence, thresholds.LEAST * max(problem.excess(start.residual), 1.0))
     chosen: list[int] = []
     total, coefficients = 0.0, np.zeros(0)
-    while len(chosen) < thresholds.MOST_TERMS:
+    while len(chosen) < thresholds.MOST_FEATURES:
         forms = [columns[k].form for k in chosen]
         trials = {
             k: squares.gain([*chosen, k])

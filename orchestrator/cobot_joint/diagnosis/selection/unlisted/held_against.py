@@ -9,6 +9,7 @@ from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.selection.elimination import without_terms
 from cobot_joint.diagnosis.selection.selection import Selection
+from cobot_joint.diagnosis.selection.unlisted.remains import remains
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Say, Unmodelled, look_at_ports
 
 
@@ -39,7 +40,7 @@ def look_for_unmodelled(
         beside = look_at_ports(problem, listed.fit, listed.selected, say, least)
         if beside is not None:
             return beside
-    return alone if alone is not None and _outweighs(problem, alone, left, terms) else None
+    return alone if alone is not None and _outweighs(problem, alone, listed) else None
 
 
 def _beside_what_stands(
@@ -63,7 +64,7 @@ def look_beside(problem: Problem, listed: Selection, say: Say) -> Unmodelled | N
     found = look_at_ports(problem, listed.fit, listed.selected, say, thresholds.ALONE)
     if found is None or not found.is_likely or _acts_where(found, listed):
         return None
-    left, rest = (problem.excess(each.residual) for each in (listed.fit, found.fit))
+    left, rest = remains(problem, listed.fit, found.fit)
     return found if left > thresholds.TIMES_LESS * found.freedom * max(rest, problem.excess_scatter) else None
 
 
@@ -85,11 +86,11 @@ def _in_place(problem: Problem, alone: Unmodelled | None, listed: Selection) -> 
     """
     if alone is None:
         return None
-    before, left = problem.excess(listed.history[0].residual), problem.excess(listed.fit.residual)
     terms, stands_out = len(listed.selected), problem.stands_out(listed.fit.residual)
     if terms > 1:
-        return alone if _outweighs(problem, alone, left, terms) else None
-    rest = max(problem.excess(alone.fit.residual), problem.excess_scatter)
+        return alone if _outweighs(problem, alone, listed) else None
+    left, before, rest = remains(problem, listed.fit, listed.history[0], alone.fit)
+    rest = max(rest, problem.excess_scatter)
     proven = max(rest, 0.0 if stands_out else thresholds.NO_PROOF * before)
     if left > thresholds.TIMES_LESS * alone.freedom * proven:
         return alone
@@ -115,7 +116,8 @@ def _in_place_of_one(problem: Problem, listed: Selection, say: Say, least: float
     return found
 
 
-def _outweighs(problem: Problem, alone: Unmodelled, left: float, terms: int) -> bool:
+def _outweighs(problem: Problem, alone: Unmodelled, listed: Selection) -> bool:
     """Whether it leaves less than listed terms do, per feature or term; anything does where there is none."""
-    rest = max(problem.excess(alone.fit.residual), problem.excess_scatter)
-    return terms == 0 or left * terms > rest * alone.freedom
+    left, rest = remains(problem, listed.fit, alone.fit)
+    terms = len(listed.selected)
+    return terms == 0 or left * terms > max(rest, problem.excess_scatter) * alone.freedom

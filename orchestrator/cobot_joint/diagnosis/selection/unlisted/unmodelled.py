@@ -31,18 +31,20 @@ from cobot_joint.diagnosis.selection.stepwise import share
 from cobot_joint.diagnosis.selection.unlisted.formula import forward
 from cobot_joint.diagnosis.selection.unlisted.late_onset import look_late
 from cobot_joint.diagnosis.selection.unlisted.promising import promising
+from cobot_joint.diagnosis.selection.unlisted.remains import remains
 
 CLOSER = 3  # times that forms are chosen beside those found, where these leave what stands out
 
 Say = Callable[[str], None]
+Answer = Callable[..., "Unmodelled | None"]
 
 
 @dataclass
 class Unmodelled:
     """The finding, the fit with it, and the listed terms that stay beside it.
 
-    taken: share of the excess. as_good: it leaves less than the listed terms that it would replace, but not so much
-    less that these are wrong.
+    taken: share of what its start leaves. as_good: it leaves less than the listed terms that it would replace, but not
+    so much less that these are wrong.
     """
 
     fit: Fit
@@ -79,9 +81,9 @@ class Unmodelled:
     def outdoes(self, problem: Problem, other: Fit) -> bool:
         """Whether it leaves so much less than another fit, per feature, term, or parameter that was let go, that its
         freedom does not account for it."""
-        rest = max(problem.excess(self.fit.residual), problem.excess_scatter)
+        left, rest = remains(problem, other, self.fit)
         count = max(len(other.hypothesis.effects), 1)
-        return problem.excess(other.residual) * count > thresholds.TIMES_LESS * self.freedom * rest
+        return left * count > thresholds.TIMES_LESS * self.freedom * max(rest, problem.excess_scatter)
 
 
 @dataclass
@@ -116,10 +118,10 @@ def look_at_ports(
     """The best port and form beside the terms of `start`; None: nothing takes HOLDS of what it leaves. least: share of
     what is above noise that the first forms at a port are predicted to take together, or nothing else than one of them
     that takes nearly all is an answer."""
+    answer = partial(_answer, problem, start, selected)
     places = _places(problem, start, least)
     if not places:
-        return None
-    answer = partial(_answer, problem, start, selected)
+        return _over_a_speed(problem, start, answer, say)
     found = _best(places, answer)
     takes_all = found is not None and found.taken > thresholds.ENOUGH
     if not takes_all and places[0].points < least * (start.chi2 - problem.samples):
@@ -156,6 +158,15 @@ def look_at_ports(
     return found
 
 
+def _over_a_speed(problem: Problem, start: Fit, answer: Answer, say: Say) -> Unmodelled | None:
+    """A table over a unit's own speed, where a few forms fall short of what stands out: a resonance is none of them."""
+    if not problem.stands_out(start.residual):
+        return None
+    table = look_for_table(problem, start, problem.plant.ports, say, only_speeds=True)
+    much = table is not None and table.choice.gain > thresholds.ALONE * (start.chi2 - problem.samples)
+    return answer(table.choice, table=table) if table is not None and much else None
+
+
 def _settled(problem: Problem, start: Fit, places: Sequence[Place], found: Unmodelled | None) -> bool:
     """Whether a few forms are enough: by what the best of them leaves; by what the Jacobian expects if it cannot be
     fitted."""
@@ -167,7 +178,7 @@ def _settled(problem: Problem, start: Fit, places: Sequence[Place], found: Unmod
     return any(p.choice is not None and p.choice.gain > enough for p in places)
 
 
-def _best(places: Sequence[Place], answer: Callable[..., Unmodelled | None]) -> Unmodelled | None:
+def _best(places: Sequence[Place], answer: Answer) -> Unmodelled | None:
     """That of the choice from which the Jacobian expects most."""
     chosen = [(p.choice.gain, -k, p) for k, p in enumerate(places) if p.choice]
     best = max(chosen, default=None)
@@ -175,8 +186,10 @@ def _best(places: Sequence[Place], answer: Callable[..., Unmodelled | None]) -> 
 
 
 def _much_better(other: Unmodelled, than: Unmodelled | None) -> bool:
-    """Whether it leaves TIMES_LESS: an onset, or a table, is a freedom more."""
-    return 1 - other.taken < (1 - (than.taken if than else 0.0)) / thresholds.TIMES_LESS
+    """Whether it leaves TIMES_LESS of what is slow, and no more of all: an onset, or a table, is a freedom more."""
+    if than is None:
+        return 1 - other.taken < 1 / thresholds.TIMES_LESS
+    return 1 - other.taken < (1 - than.taken) / thresholds.TIMES_LESS and other.finding.gain > than.finding.gain
 
 
 def _places(problem: Problem, start: Fit, least: float) -> list[Place]:
@@ -222,7 +235,8 @@ def _answer(
     if found is None:
         return None
     gained = start.cost - found.cost
-    taken = 1 - problem.excess(found.residual) / max(problem.excess(start.residual), 1e-9)
+    before, rest = remains(problem, start, found)
+    taken = 1 - rest / max(before, 1e-9)
     if taken < thresholds.HOLDS or gained < problem.evidence:
         return None
     form = _table_form(found, choice.port, table, taken) if table else _formula(problem, found, choice, taken)

@@ -25,9 +25,9 @@ from cobot_joint.diagnosis.plant.correction import Factor, Product
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.repair.repair import repair
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
-from cobot_joint.diagnosis.selection.unlisted import held_against
+from cobot_joint.diagnosis.selection.unlisted import held_against, unmodelled
 from cobot_joint.diagnosis.selection.unlisted.held_against import look_for_unmodelled
-from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
+from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled, look_at_ports
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.system.model import Inputs
 from cobot_joint.system.read import load_system
@@ -68,6 +68,22 @@ def sgn(w: Vector) -> Vector:
 def test_a_listed_term_whose_form_is_somewhat_off_stays_the_finding(name: str, effect: Effect) -> None:
     found = diagnose_plant(concealed(effect), Axis())
     assert [f.term for f in found.findings] == [f"axis.{name}"]
+
+
+def test_where_forms_fall_short_of_what_stands_out_a_table_over_the_speed_is_tried(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of a resonance, ten times the background, the first forms were predicted to take too little (73, 7)."""
+    case = concealed(lambda w, phi: -0.1 * sgn(w) * np.exp(-(((np.abs(w) - 20) / 15) ** 2)))
+    problem, calibrated = calibrate(case, Axis(), lambda words: None, Store(None))
+    monkeypatch.setattr(unmodelled, "_places", lambda problem, start, least: [])
+    found = look_at_ports(problem, calibrated, [], lambda words: None, thresholds.ALONE)
+    assert found is not None
+    assert found.finding.shape is not None
+    assert found.finding.shape.signal == "w"
+    assert found.taken > thresholds.ALONE
+    monkeypatch.setattr(Problem, "stands_out", lambda self, residual: False)
+    assert look_at_ports(problem, calibrated, [], lambda words: None, thresholds.ALONE) is None
 
 
 def test_a_listed_term_that_leaves_what_stands_out_is_held_against_a_formula() -> None:

@@ -1,0 +1,17 @@
+"""What fits leave above noise, by what is slow in it, or by all of it where most is quick."""
+
+from __future__ import annotations
+
+from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.problem import Problem
+
+
+def remains(problem: Problem, first: Fit, *others: Fit) -> list[float]:
+    """Of these fits, in the measure that the first one asks for.
+
+    Means over 16 samples are blind to a wave of a fast shaft; in all of it impacts count that are out of step.
+    """
+    slow = [problem.excess(fit.residual) for fit in (first, *others)]
+    every = [fit.chi2 - problem.samples for fit in (first, *others)]
+    return slow if slow[0] > thresholds.HOLDS * every[0] else every

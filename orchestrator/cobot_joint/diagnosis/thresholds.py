@@ -51,7 +51,6 @@ BEYOND_DOUBT = 100.0  # times the evidence, by the Jacobian: a few steps of a fi
 ENDED_EARLY = 0.1  # of what such a term takes, by which the fit before it may have ended early [naming]
 
 # -- unmodelled effects: formulas and tables follow whatever the data show, so they must do more
-MOST_FEATURES = 6  # of a formula: a drag that half of every turn has is a drag, a wave and its double, two numbers each
 REMAINDER = 0.1  # of the excess before, left by one term, below which the list explains the recordings [naming]
 TERMS_STAND = 0.15  # of it, up to which listed terms stand, though the form of one may be somewhat off [naming]
 TIMES_LESS = 3.0  # per feature, that a formula must leave in place of one listed term; a table than a formula [naming]

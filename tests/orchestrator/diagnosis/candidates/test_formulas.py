@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cobot_joint.diagnosis.candidates.formulas import Dictionary
-from cobot_joint.diagnosis.candidates.tables import arguments
+from cobot_joint.diagnosis.candidates.tables import over_any
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
 from cobot_joint.diagnosis.estimation.problem import Noise, Problem, Run
@@ -43,7 +43,7 @@ def test_a_units_speed_and_loads_are_found_whatever_they_are_called() -> None:
     forms = {str(product) for product in found.first()}
     assert {"1", "M", "M^2", "Drehzahl", "sgn(Drehzahl)", "abs(M)*sgn(Drehzahl)", "sin(3*Winkel)"} <= forms
     assert "sin(3*Winkel)*sgn(Drehzahl)" in forms
-    assert {a.signal for a in arguments(found, 5)} == {"Drehzahl", "M", "Winkel", "t"}
+    assert {a.signal for a in over_any(found, 5)} == {"Drehzahl", "M", "Winkel", "t"}
 
 
 def test_a_form_reads_back_as_what_it_was_made_of_and_has_its_values() -> None:
@@ -76,7 +76,7 @@ def test_the_units_of_the_bench_have_their_speeds_and_loads() -> None:
 
 def test_tables_are_made_of_hats_that_add_up_to_one() -> None:
     found = dictionary()
-    for argument in arguments(found, 7):
+    for argument in over_any(found, 7):
         if argument.direction:
             continue
         for local in found.locals.values():

@@ -15,12 +15,13 @@ from cobot_joint.diagnosis.plant.correction import Product, has_room
 
 
 def forward(problem: Problem, start: Fit, columns: Sequence[Column[Product]]) -> Choice[Product] | None:
-    """Orthogonal least squares (Chen, Billings, Luo 1989, Int. J. Control 50(5)); None: no feature is worth it."""
+    """Orthogonal least squares (Chen, Billings, Luo 1989, Int. J. Control 50(5)), while the unit has room for another.
+    None: no feature is worth it."""
     squares = Projection(start, [c.vector for c in columns])
     worth = max(problem.evidence, thresholds.LEAST * max(problem.excess(start.residual), 1.0))
     chosen: list[int] = []
     total, coefficients = 0.0, np.zeros(0)
-    while len(chosen) < thresholds.MOST_FEATURES:
+    while True:
         forms = [columns[k].form for k in chosen]
         trials = {
             k: squares.gain([*chosen, k])

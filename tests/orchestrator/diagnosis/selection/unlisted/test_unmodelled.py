@@ -34,7 +34,7 @@ from cobot_joint.system.read import load_system
 from tests.orchestrator.diagnosis.axis import NOISE, SAMPLES, STEP, Axis, campaign
 from tests.orchestrator.diagnosis.foreign import Foreign, conceal
 
-OPEN = Path(__file__).parents[4] / "proof/open"
+OPEN = Path(__file__).parents[5] / "proof/open"
 OFF = {"axis.J": 1.04e-3, "axis.d": 1.9e-3, "axis.tau_C": 0.0206}  # inside the tolerances
 CUBE = Feature(Product((Factor("w", "u3"),)), Estimate(1.0, "N.m", (0.9, 1.1)))
 Effect = Callable[[Vector, Vector], Vector]  # of speed and angle

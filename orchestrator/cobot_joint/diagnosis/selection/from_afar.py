@@ -27,19 +27,21 @@ def look_from_afar(problem: Problem, best: Fit, columns: Sequence[Column]) -> di
 
     columns: one of each term is tried. Waves are not: free runs lose the angle that they go by.
     """
-    slow = slow_part(problem)
+    at, number = best.settled(), int(np.argmax(problem.above_noise(best.residual)))
+    one = problem.part([number])  # says as much as all of them
+    slow = slow_part(one)
     if slow is None:
         return {}
-    at = best.settled()
     first = {c.term.name: c for c in reversed(columns) if c.term.phase is None and not c.term.episode}
-    tried = [active for column in first.values() for active in _sizes(column, best)]
-    simulated = problem.simulate([at.hypothesis.with_effects(a).run(np.concatenate([at.x, a.start()])) for a in tried])
-    before = float(np.sum(slow.of(at.residual) ** 2))
+    there = [c for c in first.values() if problem.plant.has(c.term.name, problem.recordings[number])]
+    tried = [active for column in there for active in _sizes(column, best)]
+    simulated = one.simulate([at.hypothesis.with_effects(a).run(np.concatenate([at.x, a.start()])) for a in tried])
+    before = float(np.sum(slow.of(at.residual[problem.rows_of([number])]) ** 2))
     takes: dict[str, tuple[float, ActiveTerm]] = {}
     for active, run in zip(tried, simulated, strict=True):
         if run is None:
             continue
-        gain = before - float(np.sum(slow.of(problem.recorded - run.white) ** 2))
+        gain = before - float(np.sum(slow.of(one.recorded - run.white) ** 2))
         if gain > takes.get(active.name, (0.0, active))[0]:
             takes[active.name] = gain, active
     leading = sorted(takes.values(), key=lambda taken: -taken[0])[:FITTED]

@@ -12,14 +12,15 @@ from cobot_joint.diagnosis import engine
 from cobot_joint.diagnosis.anchored.search import Search
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.engine import diagnose_plant
-from cobot_joint.diagnosis.estimation.effects import ActiveTerm
+from cobot_joint.diagnosis.estimation.effects import ActiveTerm, FreeParameter
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.plant.correction import Factor, Product
+from cobot_joint.diagnosis.selection.outside import Outside
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
-from tests.orchestrator.diagnosis.axis import OFF, Axis, campaign
+from tests.orchestrator.diagnosis.axis import NOMINAL, OFF, Axis, campaign
 
 FORMULA = "axis.unlisted"
 
@@ -95,6 +96,30 @@ def test_a_formula_over_an_angle_gives_way_to_what_the_recorded_motion_claims(
     monkeypatch.setattr(Search, "claims", property(lambda self: claimed))
     monkeypatch.setattr(Unmodelled, "outdoes", lambda self, problem, other: True)
     assert [f.term for f in diagnose_plant(drifting(), Axis()).findings] == named
+
+
+@pytest.mark.parametrize(("sure", "named"), [(0.05, FORMULA), (0.8, "axis.d")])
+def test_a_formula_that_leaves_less_gives_way_to_a_parameter_outside_its_tolerance_only_where_that_is_a_claim(
+    sure: float, named: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rough places, 7 times the background, were answered with viscous friction outside its tolerance, 5 % sure."""
+    feature = Feature(Product((Factor("x", "u3"),)), Estimate(1.0, "N.m", (0.9, 1.1)))
+    finding = Finding(FORMULA, (), 0.9, None, {}, {}, 1e3, shape=Form("axis.tau_add", "N.m", (), (feature,), 0.9))
+
+    def outside(problem: Problem, calibrated: Fit, *_: object) -> Outside:
+        base = next(b for b in calibrated.hypothesis.base if b.parameter.name == "axis.d")
+        free = calibrated.hypothesis.with_effects(FreeParameter(base, NOMINAL["axis.d"]))
+        fit = replace(calibrated, hypothesis=free, x=np.append(calibrated.x, 0.0))
+        wider = replace(fit, jacobian=np.column_stack([fit.jacobian, np.ones(len(fit.residual))]))
+        return Outside(Selection([wider]), 1e3, ())
+
+    monkeypatch.setattr(engine, "look_for_unmodelled", lambda problem, fit, *_: Unmodelled(fit, [], finding, 0.9))
+    monkeypatch.setattr(engine, "look_outside", outside)
+    monkeypatch.setattr(engine, "look_beside", lambda *_: None)
+    monkeypatch.setattr(engine, "remains", lambda *_: [10.0, 1.0])
+    monkeypatch.setattr(Unmodelled, "outdoes", lambda self, problem, other: False)
+    monkeypatch.setattr(Outside, "confidence", lambda self, problem: sure)
+    assert [f.term for f in diagnose_plant(drifting(), Axis()).findings] == [named]
 
 
 @pytest.mark.parametrize("stands_out", [True, False])

@@ -27,6 +27,7 @@ from cobot_joint.diagnosis.repair.repair import repair
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.unlisted import held_against, unmodelled
 from cobot_joint.diagnosis.selection.unlisted.held_against import look_for_unmodelled
+from cobot_joint.diagnosis.selection.unlisted.remains import remains
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled, look_at_ports
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.system.model import Inputs
@@ -197,6 +198,29 @@ def test_a_drag_that_is_felt_over_half_a_turn_goes_by_speed_and_angle() -> None:
     form = found.findings[0].shape
     assert form is not None
     assert {"sin(1*phi)*w", "cos(1*phi)*w"} <= {str(f.form) for f in form.features}
+
+
+def test_a_drag_over_a_part_of_a_turn_that_is_no_whole_one_is_found_at_its_order() -> None:
+    """Bearings and belts leave such orders; of whole ones none came near a rough place of order 1.196."""
+    found = diagnose_plant(concealed(lambda w, phi: -1e-3 * w * np.maximum(np.sin(2.6 * phi + 1), 0)), Axis())
+    assert [f.term for f in found.findings] == ["axis.unlisted"]
+    form = found.findings[0].shape
+    assert form is not None
+    orders = {factor.p for f in form.features for factor in f.form.factors if factor.function in ("sin", "cos")}
+    assert min(orders) == pytest.approx(2.6, abs=0.01)
+    assert form.explains > 0.95
+
+
+@pytest.mark.parametrize(("w", "slow"), [(6.0, True), (400.0, False)], ids=["a slow shaft", "a fast one"])
+def test_where_most_is_quick_all_of_what_is_left_counts(w: float, slow: bool) -> None:
+    """Means over 16 samples are blind to the wave of a fast shaft."""
+    problem, calibrated = calibrate(concealed(lambda w, phi: np.zeros_like(w)), Axis(), lambda words: None, Store(None))
+    wave = 30 * np.sin(w * problem.times())
+    off = replace(
+        calibrated, residual=calibrated.residual + wave, chi2=float(np.sum((calibrated.residual + wave) ** 2))
+    )
+    left, _ = remains(problem, off, calibrated)
+    assert left == (problem.excess(off.residual) if slow else off.chi2 - problem.samples)
 
 
 def test_where_no_form_does_in_one_recording_the_others_are_not_simulated() -> None:

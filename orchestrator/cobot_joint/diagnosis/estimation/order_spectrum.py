@@ -14,7 +14,8 @@ from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 WIDTHS = (512, 1024, 2048, 4096)  # samples of a window: the first in which the shaft turns `TURNS`, or the last
 TURNS = 4.0
 PERIODS = 2.0  # that a window must hold of an order
-QUICK = 0.75  # quantile of the speed
+HIGHEST = 0.8 * np.pi  # rad that a wave may turn within a sample
+QUICK = 0.75  # of its samples a shaft is slower than where it is quick
 # of orders between whole ones
 LONGER = (8192, 16384)  # windows that resolve them better
 LOWEST = 0.4
@@ -52,7 +53,7 @@ def order_spectrum(
         r = detrend(r, axis=2) * taper if samples else r
         turned, fastest = np.ptp(phi, axis=1), np.abs(np.diff(phi, axis=1)).max(axis=1, initial=0.0)
         for k, wave in enumerate(_waves(phi, n)):
-            seen = (turned * n[k] > PERIODS * 2 * np.pi) & (fastest * n[k] < 0.8 * np.pi)
+            seen = (turned * n[k] > PERIODS * 2 * np.pi) & (fastest * n[k] < HIGHEST)
             projected = np.einsum("cwi,wi->cw", r[:, seen], wave[seen])
             power[k] += float(np.sum(np.abs(projected) ** 2 / width - 1))
             windows[k] += len(rows) * np.count_nonzero(seen)
@@ -71,15 +72,16 @@ def clearest_between(
     if not angles:
         return None
     shortest = min(map(len, angles))
-    widths = [w for w in (*WIDTHS, *LONGER) if _width(angles) <= w <= shortest]
-    best: float | None = None
+    widths = [w for w in (*WIDTHS, *LONGER) if _width(angles) <= w <= shortest and _turns(angles, w) > PERIODS]
+    # where it is slow, the samples resolve as much
+    low, high = LOWEST, HIGHEST / max(_speed(angles, 1 - QUICK), HIGHEST / most)
+    if high < low or not widths:
+        return None
     for width in widths:
         step = APART / _turns(angles, width)
-        around = (LOWEST, most) if best is None else (best - REACH * step, best + REACH * step)
-        orders = np.arange(*around, step).tolist()
+        orders = np.arange(low, high + step, step).tolist()
         best = _peak(orders, order_spectrum(problem, residual, angle, signals, orders, width)[0])
-    if best is None:
-        return None
+        low, high = best - REACH * step, best + REACH * step
     whole = max(round(best), 1)
     if abs(best - whole) < 1 / _turns(angles, widths[-1]):
         return None
@@ -99,7 +101,12 @@ def _peak(orders: Sequence[float], power: Vector) -> float:
 
 def _turns(angles: Sequence[Vector], width: int) -> float:
     """Of the shaft in a window where it is quick."""
-    return float(np.quantile(np.abs(np.concatenate([np.diff(phi) for phi in angles])), QUICK)) * width / (2 * np.pi)
+    return _speed(angles, QUICK) * width / (2 * np.pi)
+
+
+def _speed(angles: Sequence[Vector], quantile: float) -> float:
+    """That part of the samples is slower, rad per sample."""
+    return float(np.quantile(np.abs(np.concatenate([np.diff(phi) for phi in angles])), quantile))
 
 
 def _waves(phi: Vector, orders: Vector) -> Iterator[NDArray[np.complex128]]:

@@ -60,3 +60,9 @@ def test_an_order_between_whole_ones_is_known_to_a_tenth_of_a_turn_in_all_that_t
 def test_a_whole_order_or_noise_is_no_order_between(order: int, amplitude: float) -> None:
     problem, r, phi = wave(40.0, order, amplitude)
     assert clearest_between(problem, r, "phi", [{"phi": phi}], 12.0) is None
+
+
+@pytest.mark.parametrize("w", [0.0, 0.1, 9000.0], ids=["stands", "a third of a turn", "more than a turn per sample"])
+def test_a_shaft_that_stands_or_is_too_quick_for_its_samples_has_no_order_between(w: float) -> None:
+    problem, r, phi = wave(w, 1.2, 0.3)
+    assert clearest_between(problem, r, "phi", [{"phi": phi}], 12.0) is None

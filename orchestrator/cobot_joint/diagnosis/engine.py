@@ -306,7 +306,8 @@ def _much_is_left(problem: Problem, listed: Selection) -> bool:
     """Whether listed terms leave more than noise does: several hardly do, unless together they imitate something."""
     left = listed.fit.residual
     several = len(listed.selected) > 1 and (listed.imitates or problem.unexplained(left))
-    return several or problem.excess(left) > thresholds.CLEARLY_LEFT * problem.excess_scatter
+    much = problem.excess(left) > thresholds.CLEARLY_LEFT * problem.excess_scatter
+    return several or much or problem.stands_out(left)
 
 
 def _takes_most(problem: Problem, listed: Selection) -> bool:

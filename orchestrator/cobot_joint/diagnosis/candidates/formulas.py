@@ -40,11 +40,20 @@ class Local:
 class Dictionary:
     """Forms at one port on the trajectories of one fit, its motion where the recordings have it.
 
-    outputs: channels and the ports' signals of that fit, where they are simulated already.
+    outputs: channels and the ports' signals of that fit, where they are simulated already. between: angle -> the
+    clearest order of that fit that is no whole number, where another dictionary has looked; this one fills it.
     """
 
-    def __init__(self, problem: Problem, start: Fit, port: Port, outputs: Sequence[Signals] | None = None) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        start: Fit,
+        port: Port,
+        outputs: Sequence[Signals] | None = None,
+        between: dict[str, float | None] | None = None,
+    ) -> None:
         self.problem, self.port = problem, port
+        self.between: dict[str, float | None] = {} if between is None else between
         self.residual = start.residual
         simulated = problem.outputs(start.run, port.signals) if outputs is None else outputs
         self.locals = self._locals(simulated)
@@ -97,10 +106,11 @@ class Dictionary:
         return [wave for _, wave in sorted(found, reverse=True)]
 
     def _orders(self, angle: str) -> list[float]:
-        """Whole ones, and the clearest that is none, with its double, in place of those in which it shows as well."""
-        n = clearest_between(self.problem, self.residual, angle, self.outputs, BETWEEN)
-        between = [] if n is None else [n, 2 * n]
-        return [*(k for k in ORDERS if all(abs(k - other) >= 1 for other in between)), *between]
+        """Whole ones, and the clearest that is none, with its double, in place of the one in which it shows as well."""
+        if angle not in self.between:
+            self.between[angle] = clearest_between(self.problem, self.residual, angle, self.outputs, BETWEEN)
+        n = self.between[angle]
+        return [*ORDERS] if n is None else [*(k for k in ORDERS if k != max(round(n), 1)), n, 2 * n]
 
     def first(self) -> dict[Product, Feature]:
         """The few that tell where the residual points."""

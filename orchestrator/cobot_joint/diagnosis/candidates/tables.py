@@ -60,16 +60,19 @@ def look_for_table(
     problem: Problem, start: Fit, ports: Sequence[Port], say: Callable[[str], None], only_speeds: bool = False
 ) -> Table | None:
     """The table that takes most at any of the ports; None: no signal there moves."""
-    structure = max(problem.excess(start.residual), 1e-9)
+    above = max(problem.excess(start.residual), start.chi2 - problem.samples, 1e-9)
     arguments = over_speed if only_speeds else over_any
+    outputs = problem.outputs(start.run, list(dict.fromkeys(s for port in ports for s in port.signals)))
     best: tuple[float, Dictionary, int] | None = None
     for port in ports:
         say(f"tables at {port.name}")
-        dictionary = Dictionary(problem, start, port)
+        dictionary = Dictionary(problem, start, port, outputs)
         for number, argument in enumerate(arguments(dictionary, COARSE)):
-            if best is None or best[0] < ENOUGH * structure:
-                gain = _fitted(problem, start, dictionary, argument).choice.gain
-                best = (gain, dictionary, number) if best is None or gain > best[0] else best
+            if best is not None and best[0] >= ENOUGH * above:
+                break
+            table = _fitted(problem, start, dictionary, argument)
+            if table is not None and (best is None or table.choice.gain > best[0]):
+                best = table.choice.gain, dictionary, number
     if best is None:
         return None
     _, dictionary, number = best
@@ -102,13 +105,15 @@ def _over(dictionary: Dictionary, names: Sequence[str], count: int) -> list[Argu
     return found
 
 
-def _fitted(problem: Problem, start: Fit, dictionary: Dictionary, argument: Argument) -> Table:
-    """As smooth as it can be without losing more than a little of what it takes."""
+def _fitted(problem: Problem, start: Fit, dictionary: Dictionary, argument: Argument) -> Table | None:
+    """As smooth as it can be without losing more than a little of what it takes. None: the port answers to nothing."""
     hats = {recording: argument.hats(k) for recording, k in dictionary.locals.items()}
     count = len(next(iter(hats.values())))
     features = {k: {r: h[k] for r, h in hats.items()} for k in range(count)}
     moving = {k: v for k, v in features.items() if any(np.any(x != 0) for x in v.values())}
     columns = respond(problem, start, dictionary.port, moving)
+    if not columns:
+        return None
     gain, coefficients = _smoothest(Projection(start, [c.vector for c in columns]), columns)
     at_knots = dict(zip((c.form for c in columns), coefficients, strict=True))
     values = np.array([at_knots.get(k, 0.0) for k in features])

@@ -32,6 +32,7 @@ class Averaged(Problem):
     def __init__(self, fine: Problem, window: int) -> None:
         self.fine, self.window = fine, window
         super().__init__(fine.plant, fine.recordings, fine.noise, fine.jobs, fine.step)
+        self.budget, self.watch, self._runs = fine.budget, fine.watch, fine._runs
         row = 0
         self.blocks = []
         for block in fine.blocks:

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import detrend
+from scipy.stats import gamma
 
-from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 
 WIDTHS = (512, 1024, 2048, 4096)  # samples of a window: the first in which the shaft turns `TURNS`, or the last
@@ -21,7 +21,13 @@ LONGER = (8192, 16384)  # windows that resolve them better
 LOWEST = 0.4
 SAME = 1e-9  # to which two orders are as far apart as two others
 APART, REACH = 0.5, 4  # of the resolution, from one to the next; so many steps about one that a shorter window found
-CLEARER = 2.0  # times the power of the whole order next to it
+MANY_TURNS = 40.0  # in a window: more of them take more orders side by side than they tell
+LOBE, LEAKS = (
+    2.0,
+    0.01,
+)  # of a window's Hann taper: half width of a peak, over the resolution; the highest of the others
+AROUND = 1.5  # orders about one, whose median is what it stands out of
+BY_CHANCE = 1e-3  # of all that are looked at, one by noise
 
 
 def order_spectrum(
@@ -63,31 +69,60 @@ def order_spectrum(
 def clearest_between(
     problem: Problem, residual: Vector, angle: str, signals: Sequence[Mapping[str, Vector]], most: float
 ) -> float | None:
-    """The order up to `most`, no whole number, that stands out most; None: none does beside the whole one next to it.
+    """The order up to `most`, no whole number, that stands out most; None: none does.
 
     Bearings and belts leave such. First in windows of some turns; then in longer ones, which resolve it better: an
     order is known to a part of the inverse of the turns that a window has. residual, signals: as above.
     """
     angles = [signals[k][angle] for k in {b.recording for b in problem.blocks} if angle in signals[k]]
-    if not angles:
-        return None
-    shortest = min(map(len, angles))
-    widths = [w for w in (*WIDTHS, *LONGER) if _width(angles) <= w <= shortest and _turns(angles, w) > PERIODS]
+    shortest = min(map(len, angles), default=0)
+    possible = [w for w in (*WIDTHS, *LONGER) if w <= shortest and _turns(angles, w) > TURNS]
     # where it is slow, the samples resolve as much
-    low, high = LOWEST, HIGHEST / max(_speed(angles, 1 - QUICK), HIGHEST / most)
-    if high < low or not widths:
+    high = HIGHEST / max(_speed(angles, 1 - QUICK), HIGHEST / most) if possible else 0.0
+    if high < LOWEST:
         return None
-    for width in widths:
-        step = APART / _turns(angles, width)
-        orders = np.arange(low, high + step, step).tolist()
-        best = _peak(orders, order_spectrum(problem, residual, angle, signals, orders, width)[0])
-        low, high = best - REACH * step, best + REACH * step
-    whole = max(round(best), 1)
-    if abs(best - whole) < 1 / _turns(angles, widths[-1]):
-        return None
-    (here, there), windows = order_spectrum(problem, residual, angle, signals, [best, whole], widths[-1])
-    stands_out = here > thresholds.STANDS_OUT * np.sqrt(max(windows[0], 1))
-    return best if stands_out and here > CLEARER * there else None
+    width = max([possible[0], *(w for w in possible if _turns(angles, w) < MANY_TURNS)])
+    step = APART / _turns(angles, width)
+    best = _clearest(problem, residual, angle, signals, np.arange(step, high, step), width)
+    for longer in (w for w in possible if w > width):
+        if best is None:
+            break
+        step = APART / _turns(angles, longer)
+        orders = (best + step * np.arange(-REACH, REACH + 1)).tolist()
+        power, windows = order_spectrum(problem, residual, angle, signals, orders, longer)
+        if not np.any(windows):
+            break
+        best = _peak(orders, power)
+    return best
+
+
+def _clearest(
+    problem: Problem,
+    residual: Vector,
+    angle: str,
+    signals: Sequence[Mapping[str, Vector]],
+    orders: Vector,
+    width: int,
+) -> float | None:
+    """The highest peak that is no whole order's, and that what is on either side of it does not account for: noise has
+    a chi-square of two per window, times a level that changes with the order where something wanders in time."""
+    power, windows = order_spectrum(problem, residual, angle, signals, orders.tolist(), width)
+    every, apart = power + windows, orders[1] - orders[0] if len(orders) > 1 else 1.0
+    peaks = 1 + np.flatnonzero((every[1:-1] > every[:-2]) & (every[1:-1] >= every[2:]))
+    peaks = peaks[orders[peaks] >= LOWEST]
+    for k in peaks[np.argsort(-every[peaks])]:
+        if abs(orders[k] - max(round(orders[k]), 1)) < apart / (2 * APART):
+            continue  # half of the resolution
+        away = (np.arange(len(orders)) - k) * apart
+        beside = (np.abs(away) > LOBE * apart / APART) & (np.abs(away) < AROUND) & (windows > 0)
+        sides = [every[beside & (away * sign > 0)] for sign in (-1, 1)]
+        if every[k] < LEAKS * np.max(every) or not all(map(len, sides)):
+            return None
+        m = float(windows[k])
+        level = max(map(np.median, sides)) / gamma.median(m)
+        clear = m > 0 and every[k] > level * gamma.isf(BY_CHANCE / len(orders), m)
+        return _peak(orders[k - 1 : k + 2].tolist(), power[k - 1 : k + 2]) if clear else None
+    return None
 
 
 def _peak(orders: Sequence[float], power: Vector) -> float:

@@ -45,7 +45,7 @@ def look_from_afar(problem: Problem, best: Fit, columns: Sequence[Column]) -> di
         if gain > takes.get(active.name, (0.0, active))[0]:
             takes[active.name] = gain, active
     leading = sorted(takes.values(), key=lambda taken: -taken[0])[:FITTED]
-    enough = thresholds.WORTH_FITTING * (before - slow.samples)
+    enough = max(thresholds.WORTH_FITTING * (before - slow.samples), problem.evidence)
     fits: dict[str, Fit] = {}
     for gain, active in leading:
         hypothesis = at.hypothesis.with_effects(active)

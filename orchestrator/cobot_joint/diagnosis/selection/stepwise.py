@@ -156,7 +156,8 @@ class Selector:
             own = [s for s in ranked if s.term.name not in self.scan.indistinguishable]  # not fitted twice
             if active and self._is_background(best, own):
                 found = self._from_afar(best, active)
-                return ranked, found, next(iter(found.values()), None)
+                first = next(iter(found.values()), best)
+                return ranked, found, first if best.cost - first.cost >= self.problem.evidence else None
             beside = bool(active) and self._may_predict(best)
             some = own[:BESIDE] if beside and not self.problem.onsets else own
             found = self.competition.fits(best, some, thresholds.WORTH_FITTING * self.problem.evidence)

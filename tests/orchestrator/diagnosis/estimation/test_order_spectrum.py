@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from cobot_joint.diagnosis.estimation.order_spectrum import clearest_between, order_spectrum
 
@@ -66,3 +67,35 @@ def test_a_whole_order_or_noise_is_no_order_between(order: int, amplitude: float
 def test_a_shaft_that_stands_or_is_too_quick_for_its_samples_has_no_order_between(w: float) -> None:
     problem, r, phi = wave(w, 1.2, 0.3)
     assert clearest_between(problem, r, "phi", [{"phi": phi}], 12.0) is None
+
+
+def test_an_order_between_is_found_beside_a_whole_one_that_is_stronger() -> None:
+    problem, r, phi = wave(40.0, 2.6, 0.3)
+    found = clearest_between(problem, r + 0.4 * np.sin(phi), "phi", [{"phi": phi}], 12.0)
+    assert found == pytest.approx(2.6, abs=0.002)
+
+
+@pytest.mark.parametrize("amplitude", [0.0, 1.0])
+def test_what_wanders_in_time_is_no_order_between(amplitude: float) -> None:
+    for seed in range(8):
+        problem, _, phi = wave(40.0, 1, 0.0)
+        rng = np.random.default_rng(seed)
+        wander = lfilter([1.0], [1.0, -0.999], rng.normal(size=len(phi)))
+        r = 10 * wander / np.std(wander) + rng.normal(size=len(phi)) + amplitude * np.sin(phi)
+        assert clearest_between(problem, r, "phi", [{"phi": phi}], 12.0) is None
+
+
+def test_of_sixty_recordings_of_noise_none_has_an_order_between() -> None:
+    problem, _, phi = wave(15.0, 1, 0.0)
+    rng = np.random.default_rng(5)
+    found = [clearest_between(problem, rng.normal(size=len(phi)), "phi", [{"phi": phi}], 12.0) for _ in range(60)]
+    assert not any(found)
+
+
+def test_a_shaft_that_is_quick_in_short_bursts_keeps_the_order_of_shorter_windows() -> None:
+    t = np.arange(0, 48, 1e-3)
+    w = np.where(np.mod(t, 10) < 0.6, 300.0, 30.0)
+    phi = np.cumsum(w) * 1e-3
+    problem, _, _ = wave(1.0, 1, 0.0)
+    r = np.random.default_rng(1).normal(size=len(t)) + np.sin(7.4 * phi)
+    assert clearest_between(problem, r, "phi", [{"phi": phi}], 12.0) == pytest.approx(7.4, abs=0.02)

@@ -26,7 +26,8 @@ def look_for_unmodelled(
     before, left = problem.excess(calibrated.residual), problem.excess(listed.fit.residual)
     terms = len(listed.selected)
     explained = terms == 1 and left < thresholds.REMAINDER * before and not problem.stands_out(listed.fit.residual)
-    little = left < thresholds.CLEARLY_LEFT * problem.excess_scatter
+    slow = left > thresholds.CLEARLY_LEFT * problem.excess_scatter
+    little = not slow and not problem.stands_out(listed.fit.residual)
     stands = terms < 2 or not (listed.imitates or problem.unexplained(listed.fit.residual))
     if explained or (little and stands):
         return None
@@ -65,7 +66,7 @@ def look_beside(problem: Problem, listed: Selection, say: Say) -> Unmodelled | N
     if found is None or not found.is_likely or _acts_where(found, listed):
         return None
     left, rest = remains(problem, listed.fit, found.fit)
-    return found if left > thresholds.TIMES_LESS * found.freedom * max(rest, problem.excess_scatter) else None
+    return found if left > thresholds.TIMES_LESS * found.freedom * rest else None
 
 
 def _acts_where(found: Unmodelled, listed: Selection) -> bool:
@@ -90,7 +91,6 @@ def _in_place(problem: Problem, alone: Unmodelled | None, listed: Selection) -> 
     if terms > 1:
         return alone if _outweighs(problem, alone, listed) else None
     left, before, rest = remains(problem, listed.fit, listed.history[0], alone.fit)
-    rest = max(rest, problem.excess_scatter)
     proven = max(rest, 0.0 if stands_out else thresholds.NO_PROOF * before)
     if left > thresholds.TIMES_LESS * alone.freedom * proven:
         return alone
@@ -120,4 +120,4 @@ def _outweighs(problem: Problem, alone: Unmodelled, listed: Selection) -> bool:
     """Whether it leaves less than listed terms do, per feature or term; anything does where there is none."""
     left, rest = remains(problem, listed.fit, alone.fit)
     terms = len(listed.selected)
-    return terms == 0 or left * terms > max(rest, problem.excess_scatter) * alone.freedom
+    return terms == 0 or left * terms > rest * alone.freedom

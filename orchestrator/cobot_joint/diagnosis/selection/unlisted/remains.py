@@ -8,10 +8,13 @@ from cobot_joint.diagnosis.estimation.problem import Problem
 
 
 def remains(problem: Problem, first: Fit, *others: Fit) -> list[float]:
-    """Of these fits, in the measure that the first one asks for.
+    """Of these fits, in the measure that the first one asks for; no less than what nobody could see.
 
     Means over 16 samples are blind to a wave of a fast shaft; in all of it impacts count that are out of step.
     """
     slow = [problem.excess(fit.residual) for fit in (first, *others)]
     every = [fit.chi2 - problem.samples for fit in (first, *others)]
-    return slow if slow[0] > thresholds.HOLDS * every[0] else every
+    if slow[0] > thresholds.HOLDS * every[0]:
+        return [max(left, problem.excess_scatter) for left in slow]
+    unseen = max((2 * problem.samples) ** 0.5, thresholds.LEFT_SHARE * problem.samples)
+    return [max(left, unseen) for left in every]

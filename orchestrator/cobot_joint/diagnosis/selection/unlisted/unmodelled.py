@@ -83,7 +83,7 @@ class Unmodelled:
         freedom does not account for it."""
         left, rest = remains(problem, other, self.fit)
         count = max(len(other.hypothesis.effects), 1)
-        return left * count > thresholds.TIMES_LESS * self.freedom * max(rest, problem.excess_scatter)
+        return left * count > thresholds.TIMES_LESS * self.freedom * rest
 
 
 @dataclass
@@ -196,7 +196,8 @@ def _places(problem: Problem, start: Fit, least: float) -> list[Place]:
     """Those to which the residual points first, by a few forms at every port that is promising."""
     ports = problem.plant.ports
     outputs = problem.outputs(start.run, list(dict.fromkeys(s for port in ports for s in port.signals)))
-    every = [d for port in ports if (d := Dictionary(problem, start, port, outputs)).locals]
+    between: dict[str, float | None] = {}
+    every = [d for port in ports if (d := Dictionary(problem, start, port, outputs, between)).locals]
     places = []
     together = thresholds.ALONE if least else 0.0
     for dictionary, columns in promising(problem, start, every, thresholds.HOLDS, together):

@@ -219,8 +219,10 @@ def test_where_most_is_quick_all_of_what_is_left_counts(w: float, slow: bool) ->
     off = replace(
         calibrated, residual=calibrated.residual + wave, chi2=float(np.sum((calibrated.residual + wave) ** 2))
     )
-    left, _ = remains(problem, off, calibrated)
+    left, rest = remains(problem, off, calibrated)
     assert left == (problem.excess(off.residual) if slow else off.chi2 - problem.samples)
+    unseen = problem.excess_scatter if slow else thresholds.LEFT_SHARE * problem.samples
+    assert rest == pytest.approx(unseen)  # of noise alone
 
 
 def test_where_no_form_does_in_one_recording_the_others_are_not_simulated() -> None:

@@ -98,6 +98,20 @@ def test_a_formula_over_an_angle_gives_way_to_what_the_recorded_motion_claims(
     assert [f.term for f in diagnose_plant(drifting(), Axis()).findings] == named
 
 
+def test_a_drag_that_outdoes_listed_terms_is_the_answer_without_asking_the_motion(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Nothing that the motion says would change it; to be told that takes half a minute."""
+    feature = Feature(Product((Factor("x", "u3"),)), Estimate(1.0, "N.m", (0.9, 1.1)))
+    finding = Finding(FORMULA, (), 0.9, None, {}, {}, 1e3, shape=Form("axis.tau_add", "N.m", (), (feature,), 0.9))
+    monkeypatch.setattr(engine, "can_follow", lambda campaign, plant: True)
+    monkeypatch.setattr(engine, "follow", never)
+    monkeypatch.setattr(engine, "look_for_unmodelled", lambda problem, fit, *_: Unmodelled(fit, [], finding, 0.9))
+    monkeypatch.setattr(engine, "look_outside", lambda *_: None)
+    monkeypatch.setattr(Unmodelled, "outdoes", lambda self, problem, other: True)
+    assert [f.term for f in diagnose_plant(drifting(), Axis()).findings] == [FORMULA]
+
+
 @pytest.mark.parametrize(("sure", "named"), [(0.05, FORMULA), (0.8, "axis.d")])
 def test_a_formula_that_leaves_less_gives_way_to_a_parameter_outside_its_tolerance_only_where_that_is_a_claim(
     sure: float, named: str, monkeypatch: pytest.MonkeyPatch

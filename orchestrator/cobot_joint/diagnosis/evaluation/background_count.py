@@ -1,7 +1,7 @@
 """How often a name given beside a background is right: drawn machines with backgrounds, diagnosed and counted.
 
     python -m cobot_joint.diagnosis.evaluation.background_count CAMPAIGN.toml [--machines 100] [--seconds 8] [--seed 0]
-                       [--jobs 2] [--out backgrounds.jsonl]
+                       [--effects 0.4 0.4 0.2] [--jobs 2] [--out backgrounds.jsonl]
 
 The campaign lends its set-ups, inputs, channels and tolerances; every draw (backgrounds.py) has parameters, a
 background, terms, sizes and noise of its own. One line of OUT per machine; those that are there are not drawn again.
@@ -44,6 +44,7 @@ class Draws:
     pattern: Path
     seconds: float = 8.0
     seed: int = 0
+    effects: tuple[float, ...] = EFFECTS
 
 
 def count(draws: Draws, out: Path, machines: int, jobs: int) -> list[Row]:
@@ -65,7 +66,7 @@ def counted(draws: Draws, k: int) -> Row:
     rng = np.random.default_rng((draws.seed, k))
     with FmuPlant(campaign.systems()) as plant:
         concealer = FieldConcealer(Concealer(campaign, plant, draws.seconds))
-        machine = concealer.draw(rng, int(rng.choice(len(EFFECTS), p=EFFECTS)))
+        machine = concealer.draw(rng, int(rng.choice(len(draws.effects), p=draws.effects)))
         begun, at = time.process_time(), time.monotonic()
         found = identify(machine.drawn.campaign, plant)
     row = judge(machine, found)
@@ -158,10 +159,12 @@ def main() -> None:
     parser.add_argument("--machines", type=int, default=100)
     parser.add_argument("--seconds", type=float, default=8.0)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--effects", type=float, nargs="+", default=EFFECTS, help="shares of none, one, two")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("build/backgrounds.jsonl"))
     given = parser.parse_args()
-    rows = count(Draws(given.campaign, given.seconds, given.seed), given.out, given.machines, given.jobs)
+    draws = Draws(given.campaign, given.seconds, given.seed, tuple(given.effects))
+    rows = count(draws, given.out, given.machines, given.jobs)
     print(tables(rows))
 
 

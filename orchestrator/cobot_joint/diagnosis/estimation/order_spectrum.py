@@ -22,10 +22,8 @@ LOWEST = 0.4
 SAME = 1e-9  # to which two orders are as far apart as two others
 APART, REACH = 0.5, 4  # of the resolution, from one to the next; so many steps about one that a shorter window found
 MANY_TURNS = 40.0  # in a window: more of them take more orders side by side than they tell
-LOBE, LEAKS = (
-    2.0,
-    0.01,
-)  # of a window's Hann taper: half width of a peak, over the resolution; the highest of the others
+LOBE = 2.0  # half width of a peak under a window's Hann taper, over the resolution
+LEAKS = 0.01  # of the highest peak, below which another may be its leakage: the taper's side lobes are at 0.0007
 AROUND = 1.5  # orders about one, whose median is what it stands out of
 BY_CHANCE = 1e-3  # of all that are looked at, one by noise
 

@@ -36,6 +36,7 @@ from cobot_joint.diagnosis.selection.some_recordings import some_of
 from cobot_joint.diagnosis.selection.stepwise import Selector
 from cobot_joint.diagnosis.selection.unlisted.held_against import look_beside, look_for_unmodelled
 from cobot_joint.diagnosis.selection.unlisted.remains import remains
+from cobot_joint.diagnosis.selection.unlisted.together import look_together
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.errors import UserError, among
@@ -216,7 +217,7 @@ def _selected(
         return _term_in_place(problem, listed, loads, beside) or Explanation(
             calibrated, loads.fit, listed, loads.selected, loads
         )
-    return _beyond_the_list(campaign, problem, listed, say, store)
+    return _beyond_the_list(campaign, problem, listed, beside, say, store)
 
 
 def _term_in_place(problem: Problem, listed: Selection, loads: Unmodelled, selector: Selector) -> Explanation | None:
@@ -233,7 +234,7 @@ def _term_in_place(problem: Problem, listed: Selection, loads: Unmodelled, selec
 
 
 def _beyond_the_list(
-    campaign: Campaign, problem: Problem, listed: Selection, say: Progress, store: Store
+    campaign: Campaign, problem: Problem, listed: Selection, beside: Selector, say: Progress, store: Store
 ) -> Explanation:
     """What listed terms leave: to a formula that leaves nothing, to the recorded motion, to a formula, or to nothing.
 
@@ -260,6 +261,10 @@ def _beyond_the_list(
     lost = bool(outdone and unmodelled and unmodelled.is_wave)
     stands = listed.selected if left < thresholds.REMAINDER * before else []
     settled = outdone and not lost and not stands  # whatever the motion says
+    together = partial(_together, problem, listed, unmodelled if outdone else None, beside, say)
+    pair = spend("a listed term and a formula", together) if not given and not problem.is_table else None
+    if pair:
+        return Explanation(calibrated, pair.fit, listed, pair.selected, pair)
     asked = much and follows and not given and not settled
     along = partial(_followed, campaign, problem, listed, say, store)
     found = spend("the recorded motion", along) if asked and (lost or doubtful or not takes_most) else None
@@ -282,6 +287,19 @@ def _beyond_the_list(
     lies = partial(where_it_lies, some, problem.plant, kept.fit.run, say)
     rest = spend("where the rest lies", lies) if given and much and follows and not takes_most else None
     return Explanation(calibrated, kept.fit, listed, kept.selected, background=rest or [], rival=rival)
+
+
+def _together(
+    problem: Problem, listed: Selection, formula: Unmodelled | None, selector: Selector, say: Progress
+) -> Unmodelled | None:
+    """A listed term and a formula, where neither listed terms nor a formula that outdoes them leave little."""
+    best = formula.fit if formula else listed.fit
+    much = formula or problem.excess(best.residual) > thresholds.TERMS_STAND * problem.excess(
+        listed.history[0].residual
+    )
+    if not much or not problem.stands_out(best.residual) or (formula and formula.selected):
+        return None
+    return look_together(problem, listed, formula.fit if formula else None, selector, say)
 
 
 def _claims_others(found: Search, stay: Collection[str]) -> bool:

@@ -109,7 +109,7 @@ def _sure(problem: Problem, explanation: Explanation, selected: Selected, left: 
 def _with_formula(explanation: Explanation) -> Selection:
     """What was selected and a formula beside it, with what both leave."""
     formula, base = explanation.unmodelled, explanation.selection.history[0]
-    if formula is None or not formula.is_formula or not explanation.selected:
+    if formula is None or not formula.goes_by_signals or not explanation.selected:
         return explanation.selection
     every = [*explanation.selected, Selected(formula.finding.term, formula.finding.gain)]
     return replace(explanation.selection, history=[base, explanation.fit], selected=every)

@@ -10,7 +10,7 @@ from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.selection.elimination import without_terms
 from cobot_joint.diagnosis.selection.selection import Selection
 from cobot_joint.diagnosis.selection.unlisted.remains import remains
-from cobot_joint.diagnosis.selection.unlisted.unmodelled import Say, Unmodelled, look_at_ports
+from cobot_joint.diagnosis.selection.unlisted.unmodelled import Say, Unmodelled, acts_where, look_at_ports
 
 
 def look_for_unmodelled(
@@ -63,19 +63,10 @@ def look_beside(problem: Problem, listed: Selection, say: Say) -> Unmodelled | N
     if not problem.stands_out(listed.fit.residual):
         return None
     found = look_at_ports(problem, listed.fit, listed.selected, say, thresholds.ALONE)
-    if found is None or not found.is_likely or _acts_where(found, listed):
+    if found is None or not found.is_likely or acts_where(found, listed.fit, listed.indistinguishable):
         return None
     left, rest = remains(problem, listed.fit, found.fit)
     return found if left > thresholds.TIMES_LESS * found.freedom * rest else None
-
-
-def _acts_where(found: Unmodelled, listed: Selection) -> bool:
-    """Whether it does so at the unit of what was selected, or at one where the same force does the same: then that may
-    be a patch."""
-    names, on = [found.finding.term, *found.finding.equivalent], {s.term for s in listed.selected}
-    twins = [twin for twin, leader in listed.indistinguishable.items() if leader in on]
-    units = {effect.component for effect in listed.fit.hypothesis.effects} | {t.split(".")[0] for t in twins}
-    return any(name.split(".")[0] in units for name in names)
 
 
 def _in_place(problem: Problem, alone: Unmodelled | None, listed: Selection) -> Unmodelled | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -59,6 +59,11 @@ class Unmodelled:
         return self.finding.shape is not None and any(f.form.factors for f in self.finding.shape.features)
 
     @property
+    def goes_by_signals(self) -> bool:
+        """A formula or a table."""
+        return self.is_formula or (self.finding.shape is not None and self.finding.shape.table is not None)
+
+    @property
     def is_wave(self) -> bool:
         """Whether it goes by an angle."""
         shape = self.finding.shape
@@ -112,6 +117,15 @@ class Place:
         self.choice = forward(problem, start, [*self.columns, *rest])
 
 
+def acts_where(found: Unmodelled, terms: Fit, indistinguishable: Mapping[str, str]) -> bool:
+    """Whether it does so at the unit of a term that is on, or at one where the same force does the same: then either
+    may be a patch of the other. indistinguishable: term -> the one of another unit that it equals."""
+    on = {effect.name for effect in terms.hypothesis.terms}
+    twins = [twin for twin, leader in indistinguishable.items() if leader in on]
+    units = {effect.component for effect in terms.hypothesis.effects} | {t.split(".")[0] for t in twins}
+    return any(name.split(".")[0] in units for name in (found.finding.term, *found.finding.equivalent))
+
+
 def look_at_ports(
     problem: Problem, start: Fit, selected: list[Selected], say: Say, least: float = 0.0
 ) -> Unmodelled | None:
@@ -119,7 +133,7 @@ def look_at_ports(
     what is above noise that the first forms at a port are predicted to take together, or nothing else than one of them
     that takes nearly all is an answer."""
     answer = partial(_answer, problem, start, selected)
-    places = _places(problem, start, least)
+    places = pointed_to(problem, start, least)
     if not places:
         return _over_a_speed(problem, start, answer, say)
     found = _best(places, answer)
@@ -192,7 +206,7 @@ def _much_better(other: Unmodelled, than: Unmodelled | None) -> bool:
     return 1 - other.taken < (1 - than.taken) / thresholds.TIMES_LESS and other.finding.gain > than.finding.gain
 
 
-def _places(problem: Problem, start: Fit, least: float) -> list[Place]:
+def pointed_to(problem: Problem, start: Fit, least: float) -> list[Place]:
     """Those to which the residual points first, by a few forms at every port that is promising."""
     ports = problem.plant.ports
     outputs = problem.outputs(start.run, list(dict.fromkeys(s for port in ports for s in port.signals)))
@@ -245,6 +259,8 @@ def _answer(
     sure = confidence(gained, left, unlisted=True)
     if left > thresholds.CLEARLY_LEFT * problem.excess_scatter:
         sure = max(sure, beside_background(gained / (gained + above), unlisted=True))
+        if not problem.stands_out(start.residual):  # a background is as large
+            sure = min(sure, thresholds.WITHHELD)
     alike = indistinguishable_ports(problem, start, choice, thresholds.COLLINEAR)
     finding = Finding(
         term=f"{choice.port.component}.unlisted",

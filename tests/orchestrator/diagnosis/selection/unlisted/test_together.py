@@ -1,0 +1,77 @@
+"""A listed term and a formula of which neither shows while the other is left out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.candidates.scan_ranges import driven
+from cobot_joint.diagnosis.candidates.score_test import Scan
+from cobot_joint.diagnosis.estimation.calibrate import calibrate
+from cobot_joint.diagnosis.estimation.problem import Problem, one_blas_thread
+from cobot_joint.diagnosis.explanation import Explanation, answer
+from cobot_joint.diagnosis.selection.selection import Selection
+from cobot_joint.diagnosis.selection.stepwise import Selector
+from cobot_joint.diagnosis.selection.unlisted.together import look_together
+from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
+from cobot_joint.diagnosis.store import Store
+from tests.orchestrator.diagnosis.axis import NOISE, OFF, OFFSET, SAMPLES, TERMS, Axis, campaign
+
+
+def chosen(offset: float) -> tuple[Problem, Selection, Unmodelled | None]:
+    """Of an axis with eddy currents, strongest at 15 rad/s, whose speed is read with an offset."""
+    values, rng = OFF | {"sensor.offset.y_0": offset}, np.random.default_rng(1)
+    case, plant = campaign(OFF), Axis((*TERMS, OFFSET))
+    for recording in case.recordings:
+        clean = plant.simulate(values, recording)
+        for _ in range(12):  # the drag follows the motion that it changes
+            w = clean["axis.w"] / 15
+            clean = plant.simulate(values, recording, added={"axis.tau_add": -0.05 * w / (1 + w**2)})
+        recording.outputs["w"] = clean["w"] + rng.normal(0, NOISE, SAMPLES)
+    with one_blas_thread():
+        problem, base = calibrate(case, plant, lambda words: None, Store(None))
+        scan = Scan(problem, driven(problem, base, plant.terms), lambda words: None)
+        listed = Selector(problem, scan, lambda words: None).select(base)
+        beside = Selector(problem, scan, lambda words: None)
+        return problem, listed, look_together(problem, listed, None, beside, lambda words: None)
+
+
+Chosen = tuple[Problem, Selection, Unmodelled]
+
+
+@pytest.fixture(scope="module")
+def both() -> Chosen:
+    problem, listed, pair = chosen(offset=1.0)
+    assert pair is not None
+    return problem, listed, pair
+
+
+def test_an_offset_beside_a_drag_on_no_list_is_found_where_listed_terms_alone_leave_most(both: Chosen) -> None:
+    problem, listed, pair = both
+    before, left = (problem.excess(fit.residual) for fit in (listed.history[0], listed.fit))
+    assert "sensor.offset" not in [s.term for s in listed.selected]
+    assert left > thresholds.HOLDS * before
+    assert [s.term for s in pair.selected] == ["sensor.offset"]
+    assert pair.fit.run.values["sensor.offset.y_0"] == pytest.approx(1.0, abs=0.05)
+    assert pair.finding.shape is not None
+    assert [str(f.form) for f in pair.finding.shape.features] == ["eddy(w/18)"]
+    assert problem.excess(pair.fit.residual) < 0.01 * before
+
+
+@pytest.mark.parametrize("table", [False, True])
+def test_a_term_beside_a_formula_or_a_table_is_as_sure_as_what_both_leave_says(both: Chosen, table: bool) -> None:
+    """Belt creep beside a drag on no list (83, 41) had 0.42, by what listed terms leave without the drag."""
+    problem, listed, pair = both
+    shape = pair.finding.shape
+    assert shape is not None
+    shape = replace(shape, features=(), table=(np.zeros(2), np.zeros(2))) if table else shape
+    pair = replace(pair, finding=replace(pair.finding, shape=shape))
+    found = answer(problem, Explanation(listed.history[0], pair.fit, listed, pair.selected, pair)).findings
+    assert {f.term: f.confidence >= thresholds.EVEN for f in found} == {"axis.unlisted": True, "sensor.offset": True}
+
+
+def test_no_listed_term_is_said_beside_a_drag_that_needs_none() -> None:
+    assert chosen(offset=0.0)[2] is None

@@ -142,7 +142,7 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     found = _selected(campaign, problem, calibrated, scan, say, store)
     if misread and misread.beats(problem, found.fit):
         return _channel_or_parameter(problem, found.selection.up_to(0), misread, say)
-    is_formula = found.unmodelled is not None and found.unmodelled.is_formula
+    is_formula = found.unmodelled is not None and found.unmodelled.may_be_a_data_sheet
     along = found.anchored and (found.anchored.claims or not problem.stands_out(found.calibrated.residual))
     if (found.unmodelled and not is_formula) or along or (found.background and not found.selected):
         return found
@@ -236,7 +236,8 @@ def _term_in_place(problem: Problem, listed: Selection, loads: Unmodelled, selec
 def _beyond_the_list(
     campaign: Campaign, problem: Problem, listed: Selection, beside: Selector, say: Progress, store: Store
 ) -> Explanation:
-    """What listed terms leave: to a formula that leaves nothing, to the recorded motion, to a formula, or to nothing.
+    """What listed terms leave: to a formula that leaves nothing, to a formula and a listed term together, to the
+    recorded motion, to a formula, or to nothing.
 
     Where terms that take most leave what stands out, the recorded motion is asked for others beside them. Beside a
     background a formula has to be predicted to take as much as listed terms take, and most of it. Where motion
@@ -259,12 +260,16 @@ def _beyond_the_list(
     outdone = unmodelled is not None and unmodelled.is_likely and unmodelled.outdoes(problem, listed.fit)
     # In free runs the angle that a listed term goes by is lost; a formula along the recorded motion has it.
     lost = bool(outdone and unmodelled and unmodelled.is_wave)
+    unsolved = _stands_out_still(problem, listed, unmodelled if outdone else None)
+    if much and unsolved and not given and not problem.is_table and not lost:
+        together = partial(look_together, problem, listed, unmodelled, beside, say)
+        pair = spend("a listed term and a formula", together)
+        if pair and not (pair.is_wave and follows):
+            return Explanation(calibrated, pair.fit, listed, pair.selected, pair)
+        if pair:
+            unmodelled, outdone, lost = pair, True, True
     stands = listed.selected if left < thresholds.REMAINDER * before else []
     settled = outdone and not lost and not stands  # whatever the motion says
-    together = partial(_together, problem, listed, unmodelled if outdone else None, beside, say)
-    pair = spend("a listed term and a formula", together) if not given and not problem.is_table else None
-    if pair:
-        return Explanation(calibrated, pair.fit, listed, pair.selected, pair)
     asked = much and follows and not given and not settled
     along = partial(_followed, campaign, problem, listed, say, store)
     found = spend("the recorded motion", along) if asked and (lost or doubtful or not takes_most) else None
@@ -289,17 +294,12 @@ def _beyond_the_list(
     return Explanation(calibrated, kept.fit, listed, kept.selected, background=rest or [], rival=rival)
 
 
-def _together(
-    problem: Problem, listed: Selection, formula: Unmodelled | None, selector: Selector, say: Progress
-) -> Unmodelled | None:
-    """A listed term and a formula, where neither listed terms nor a formula that outdoes them leave little."""
-    best = formula.fit if formula else listed.fit
-    much = formula or problem.excess(best.residual) > thresholds.TERMS_STAND * problem.excess(
-        listed.history[0].residual
-    )
-    if not much or not problem.stands_out(best.residual) or (formula and formula.selected):
-        return None
-    return look_together(problem, listed, formula.fit if formula else None, selector, say)
+def _stands_out_still(problem: Problem, listed: Selection, formula: Unmodelled | None) -> bool:
+    """Whether listed terms, that leave more than those that stand do, or a formula that outdoes them leave what stands
+    out: neither may show what it is without the other."""
+    left, before = (problem.excess(fit.residual) for fit in (listed.fit, listed.history[0]))
+    best = listed.fit if formula is None else formula.fit
+    return left > thresholds.TERMS_STAND * before and problem.stands_out(best.residual)
 
 
 def _claims_others(found: Search, stay: Collection[str]) -> bool:

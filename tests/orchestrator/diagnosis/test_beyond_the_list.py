@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from cobot_joint.diagnosis import engine
+from cobot_joint.diagnosis import engine, thresholds
 from cobot_joint.diagnosis.anchored.search import Search
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.engine import diagnose_plant
@@ -158,3 +158,32 @@ def test_where_a_term_that_takes_most_leaves_what_stands_out_the_motion_is_asked
     monkeypatch.setattr(engine, "beside_listed", beside)
     found = diagnose_plant(drifting(), Axis())
     assert (both.term in [f.term for f in found.findings]) == stands_out
+
+
+@pytest.mark.parametrize(
+    ("function", "claimed", "named"), [("u3", True, [FORMULA]), ("sin", True, []), ("sin", False, [FORMULA])]
+)
+def test_a_form_found_together_with_a_term_is_the_answer_but_over_an_angle_where_the_motion_claims_another(
+    function: str, claimed: bool, named: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    feature = Feature(Product((Factor("x", function),)), Estimate(1.0, "N.m", (0.9, 1.1)))
+    finding = Finding(FORMULA, (), 0.9, None, {}, {}, 1e3, shape=Form("axis.tau_add", "N.m", (), (feature,), 0.9))
+    monkeypatch.setattr(engine, "can_follow", lambda campaign, plant: True)
+    monkeypatch.setattr(engine, "follow", lambda campaign, plant, say, in_runs, start: Search())
+    monkeypatch.setattr(engine, "look_for_unmodelled", lambda *_: None)
+    monkeypatch.setattr(engine, "look_together", lambda problem, listed, *_: Unmodelled(listed.fit, [], finding, 0.9))
+    monkeypatch.setattr(engine, "look_outside", lambda *_: None)
+    monkeypatch.setattr(Search, "claims", property(lambda self: claimed))
+    assert [f.term for f in diagnose_plant(drifting(), Axis()).findings] == named
+
+
+@pytest.mark.parametrize("why", ["little is left", "it does not stand out"])
+def test_a_term_and_a_form_are_not_looked_for_together_where(why: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What such a search costs is the time of all others."""
+    monkeypatch.setattr(engine, "look_together", never)
+    if why == "little is left":
+        monkeypatch.setattr(thresholds, "TERMS_STAND", 1.1)
+    else:
+        monkeypatch.setattr(Problem, "stands_out", lambda self, residual: False)
+    found = diagnose_plant(drifting(), Axis())
+    assert "a listed term and a formula" not in found.left_out

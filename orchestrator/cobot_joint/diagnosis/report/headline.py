@@ -206,8 +206,8 @@ def is_unlisted(term: str) -> bool:
 
 
 def is_parameter(term: str, terms: Mapping[str, TermText]) -> bool:
-    """Whether it is a base parameter: no term of the system's units, and not on no list."""
-    return term not in terms and not is_unlisted(term)
+    """Whether it is a base parameter, `component.part.name`, and no term."""
+    return term not in terms and term.count(".") > 1
 
 
 def first_clause(description: str | None) -> str:

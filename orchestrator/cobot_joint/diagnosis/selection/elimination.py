@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from cobot_joint.diagnosis import thresholds
-from cobot_joint.diagnosis.estimation.effects import ActiveTerm
+from cobot_joint.diagnosis.estimation.effects import ActiveTerm, Effect
 from cobot_joint.diagnosis.estimation.fit import Fit, marginal_covariance
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit
 from cobot_joint.diagnosis.estimation.problem import Problem
@@ -47,9 +47,13 @@ def _shorter(problem: Problem, best: Fit, kept: Sequence[Selected]) -> list[Fit]
 
 def without_terms(problem: Problem, best: Fit, names: Collection[str]) -> Fit | None:
     """A fit without some of its terms, all else re-fitted. None: it cannot be simulated."""
+    return without(problem, best, lambda effect: isinstance(effect, ActiveTerm) and effect.name in names)
+
+
+def without(problem: Problem, best: Fit, gone: Callable[[Effect], bool]) -> Fit | None:
+    """A fit without some of its effects, all else re-fitted. None: it cannot be simulated."""
     at = best.settled()
-    others = tuple(e for e in at.hypothesis.effects if not (isinstance(e, ActiveTerm) and e.name in names))
-    less = replace(at.hypothesis, effects=others)
+    less = replace(at.hypothesis, effects=tuple(e for e in at.hypothesis.effects if not gone(e)))
     left = [c.names[0] for c in less.coordinates]
     kept = [k for k, c in enumerate(at.hypothesis.coordinates) if c.names[0] in left]
     return fit(problem, less, at.x[kept], at.jacobian[:, kept], REDUCED)

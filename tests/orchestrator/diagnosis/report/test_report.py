@@ -114,11 +114,6 @@ def words(text: str) -> str:
         ),
         (
             "explained",
-            [FINDING | {"term": "screw.d", "component": "screw"}],
-            "d of screw is outside its tolerance (97 % sure); a value that fits removes 100 % of",
-        ),
-        (
-            "explained",
             [FINDING, FINDING | {"term": "load.body.J", "component": "load"}],
             "in planetary_gear (97 % sure), and body.J of load is outside its tolerance (97 % sure); modelling it",
         ),

@@ -64,6 +64,11 @@ class Unmodelled:
         return self.is_formula or (self.finding.shape is not None and self.finding.shape.table is not None)
 
     @property
+    def may_be_a_data_sheet(self) -> bool:
+        """Whether it is held against parameters outside their tolerances: a formula, or a table beside listed terms."""
+        return self.is_formula or (self.goes_by_signals and bool(self.selected))
+
+    @property
     def is_wave(self) -> bool:
         """Whether it goes by an angle."""
         shape = self.finding.shape
@@ -258,9 +263,9 @@ def _answer(
     left, above = max(problem.excess(found.residual), 0.0), max(found.chi2 - problem.samples, 0.0)
     sure = confidence(gained, left, unlisted=True)
     if left > thresholds.CLEARLY_LEFT * problem.excess_scatter:
-        sure = max(sure, beside_background(gained / (gained + above), unlisted=True))
-        if not problem.stands_out(start.residual):  # a background is as large
-            sure = min(sure, thresholds.WITHHELD)
+        beside = beside_background(gained / (gained + above), unlisted=True)
+        is_larger = problem.stands_out(start.residual)  # than backgrounds are
+        sure = max(sure, beside if is_larger else min(beside, thresholds.WITHHELD))
     alike = indistinguishable_ports(problem, start, choice, thresholds.COLLINEAR)
     finding = Finding(
         term=f"{choice.port.component}.unlisted",

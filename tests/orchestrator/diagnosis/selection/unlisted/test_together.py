@@ -16,13 +16,14 @@ from cobot_joint.diagnosis.explanation import Explanation, answer
 from cobot_joint.diagnosis.selection.selection import Selection
 from cobot_joint.diagnosis.selection.stepwise import Selector
 from cobot_joint.diagnosis.selection.unlisted.together import look_together
-from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
+from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled, look_at_ports
 from cobot_joint.diagnosis.store import Store
 from tests.orchestrator.diagnosis.axis import NOISE, OFF, OFFSET, SAMPLES, TERMS, Axis, campaign
 
 
-def chosen(offset: float) -> tuple[Problem, Selection, Unmodelled | None]:
-    """Of an axis with eddy currents, strongest at 15 rad/s, whose speed is read with an offset."""
+def chosen(offset: float, given: bool = False) -> tuple[Problem, Selection, Unmodelled | None]:
+    """Of an axis with eddy currents, strongest at 15 rad/s, whose speed is read with an offset. given: the best form
+    alone is known."""
     values, rng = OFF | {"sensor.offset.y_0": offset}, np.random.default_rng(1)
     case, plant = campaign(OFF), Axis((*TERMS, OFFSET))
     for recording in case.recordings:
@@ -36,7 +37,8 @@ def chosen(offset: float) -> tuple[Problem, Selection, Unmodelled | None]:
         scan = Scan(problem, driven(problem, base, plant.terms), lambda words: None)
         listed = Selector(problem, scan, lambda words: None).select(base)
         beside = Selector(problem, scan, lambda words: None)
-        return problem, listed, look_together(problem, listed, None, beside, lambda words: None)
+        alone = look_at_ports(problem, base, [], lambda words: None) if given else None
+        return problem, listed, look_together(problem, listed, alone, beside, lambda words: None)
 
 
 Chosen = tuple[Problem, Selection, Unmodelled]
@@ -73,5 +75,11 @@ def test_a_term_beside_a_formula_or_a_table_is_as_sure_as_what_both_leave_says(b
     assert {f.term: f.confidence >= thresholds.EVEN for f in found} == {"axis.unlisted": True, "sensor.offset": True}
 
 
-def test_no_listed_term_is_said_beside_a_drag_that_needs_none() -> None:
-    assert chosen(offset=0.0)[2] is None
+@pytest.mark.parametrize("given", [False, True])
+def test_no_listed_term_is_said_beside_a_drag_that_needs_none(given: bool) -> None:
+    assert chosen(offset=0.0, given=given)[2] is None
+
+
+def test_no_pair_replaces_a_form_that_does_a_third_as_well_alone() -> None:
+    """The best form alone leaves twice what the pair does: a drag and a decay over the time."""
+    assert chosen(offset=1.0, given=True)[2] is None

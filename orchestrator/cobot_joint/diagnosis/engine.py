@@ -259,9 +259,10 @@ def _beyond_the_list(
         return Explanation(calibrated, unmodelled.fit, listed, unmodelled.selected, unmodelled)
     outdone = unmodelled is not None and unmodelled.is_likely and unmodelled.outdoes(problem, listed.fit)
     # In free runs the angle that a listed term goes by is lost; a formula along the recorded motion has it.
-    lost = bool(outdone and unmodelled and unmodelled.is_wave)
-    unsolved = _stands_out_still(problem, listed, unmodelled if outdone else None)
-    if much and unsolved and not given and not problem.is_table and not lost:
+    over_angle = unmodelled is not None and unmodelled.is_likely and unmodelled.is_wave
+    lost = outdone and over_angle
+    free = not given and not problem.is_table and not (over_angle and follows)
+    if much and free and _stands_out_still(problem, listed, unmodelled):
         together = partial(look_together, problem, listed, unmodelled, beside, say)
         pair = spend("a listed term and a formula", together)
         if pair and not (pair.is_wave and follows):
@@ -295,11 +296,11 @@ def _beyond_the_list(
 
 
 def _stands_out_still(problem: Problem, listed: Selection, formula: Unmodelled | None) -> bool:
-    """Whether listed terms, that leave more than those that stand do, or a formula that outdoes them leave what stands
-    out: neither may show what it is without the other."""
+    """Whether listed terms leave more than those that stand do, and what stands out, and a formula does, too: neither
+    may show what it is without the other."""
     left, before = (problem.excess(fit.residual) for fit in (listed.fit, listed.history[0]))
-    best = listed.fit if formula is None else formula.fit
-    return left > thresholds.TERMS_STAND * before and problem.stands_out(best.residual)
+    fits = [listed.fit] if formula is None or not formula.is_likely else [listed.fit, formula.fit]
+    return left > thresholds.TERMS_STAND * before and all(problem.stands_out(fit.residual) for fit in fits)
 
 
 def _claims_others(found: Search, stay: Collection[str]) -> bool:

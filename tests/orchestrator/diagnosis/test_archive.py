@@ -17,7 +17,7 @@ from cobot_joint.diagnosis.estimation.effects import ActiveTerm, BaseParameter, 
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
 from cobot_joint.diagnosis.estimation.problem import Simulated
-from cobot_joint.diagnosis.explanation import Explanation
+from cobot_joint.diagnosis.explanation.explanation import Explanation
 from cobot_joint.diagnosis.findings import Candidate, Estimate
 from cobot_joint.diagnosis.plant.plant import Parameter, Port, ScannedShape, TermCandidate
 from cobot_joint.diagnosis.selection.selection import Selected, Selection

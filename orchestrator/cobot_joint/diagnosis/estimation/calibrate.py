@@ -58,6 +58,12 @@ def told(campaign: Campaign) -> tuple[object, ...]:
     return tuple((name, c.noise, c.colour) for name, c in campaign.logged.items() if c.colour is not None)
 
 
+def basis(campaign: Campaign) -> tuple[object, ...]:
+    """What a search depends on that a store does not know of: what the campaign says of noise and the like, and the
+    terms that it lists."""
+    return (*told(campaign), *campaign.terms)
+
+
 def noises(campaign: Campaign) -> dict[str, Noise]:
     """Per compared channel, as the campaign says; else as the recordings show it, and never below what the system's
     logger is specified for."""

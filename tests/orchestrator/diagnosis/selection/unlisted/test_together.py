@@ -12,7 +12,7 @@ from cobot_joint.diagnosis.candidates.scan_ranges import driven
 from cobot_joint.diagnosis.candidates.score_test import Scan
 from cobot_joint.diagnosis.estimation.calibrate import calibrate
 from cobot_joint.diagnosis.estimation.problem import Problem, one_blas_thread
-from cobot_joint.diagnosis.explanation import Explanation, answer
+from cobot_joint.diagnosis.explanation.explanation import Explanation, answer
 from cobot_joint.diagnosis.selection.selection import Selection
 from cobot_joint.diagnosis.selection.stepwise import Selector
 from cobot_joint.diagnosis.selection.unlisted.together import look_together

@@ -15,6 +15,7 @@ from cobot_joint.diagnosis.engine import diagnose_plant
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm, FreeParameter
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem
+from cobot_joint.diagnosis.explanation import beyond_the_list as beyond
 from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.plant.correction import Factor, Product
 from cobot_joint.diagnosis.selection.outside import Outside
@@ -39,8 +40,8 @@ def test_where_terms_leave_more_than_noise_and_the_motion_gives_none_a_name_a_ba
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     stated = [{"port": "axis.tau_add", "variable": "time", "rms": 2e-3, "unit": "N.m"}]
-    monkeypatch.setattr(engine, "can_follow", lambda campaign, plant: True)
-    monkeypatch.setattr(engine, "follow", lambda campaign, plant, say, in_runs, start: Search(background=stated))
+    monkeypatch.setattr(beyond, "can_follow", lambda campaign, plant: True)
+    monkeypatch.setattr(beyond, "follow", lambda campaign, plant, say, in_runs, start: Search(background=stated))
     found = diagnose_plant(drifting(), Axis())
     assert found.verdict == "undecided"  # it stands out
     assert found.findings == []
@@ -52,8 +53,8 @@ def never(*_: object) -> None:
 
 
 def test_where_terms_explain_down_to_the_noise_the_motion_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(engine, "can_follow", lambda campaign, plant: True)
-    monkeypatch.setattr(engine, "follow", never)
+    monkeypatch.setattr(beyond, "can_follow", lambda campaign, plant: True)
+    monkeypatch.setattr(beyond, "follow", never)
     assert [f.term for f in diagnose_plant(campaign(OFF | {"axis.windage.c": 6e-5}), Axis()).findings] == [
         "axis.windage"
     ]
@@ -65,8 +66,8 @@ def test_a_claim_along_the_recorded_motion_is_not_held_against_a_data_sheet(
 ) -> None:
     """Letting go of a parameter follows a background; only where nothing is claimed may it be the answer"""
     asked: list[bool] = []
-    monkeypatch.setattr(engine, "can_follow", lambda campaign, plant: True)
-    monkeypatch.setattr(engine, "follow", lambda campaign, plant, say, in_runs, start: Search())
+    monkeypatch.setattr(beyond, "can_follow", lambda campaign, plant: True)
+    monkeypatch.setattr(beyond, "follow", lambda campaign, plant, say, in_runs, start: Search())
     monkeypatch.setattr(Search, "claims", property(lambda self: claimed))
     monkeypatch.setattr(engine, "look_outside", lambda *_: asked.append(True))
     diagnose_plant(drifting(), Axis())
@@ -88,11 +89,11 @@ def test_a_formula_over_an_angle_gives_way_to_what_the_recorded_motion_claims(
     def formula(problem: Problem, calibrated: Fit, *_: object) -> Unmodelled:
         return Unmodelled(calibrated, [], finding, 0.9)
 
-    monkeypatch.setattr(engine, "can_follow", lambda campaign, plant: True)
-    monkeypatch.setattr(engine, "follow", lambda campaign, plant, say, in_runs, start: Search())
-    monkeypatch.setattr(engine, "look_for_unmodelled", formula)
+    monkeypatch.setattr(beyond, "can_follow", lambda campaign, plant: True)
+    monkeypatch.setattr(beyond, "follow", lambda campaign, plant, say, in_runs, start: Search())
+    monkeypatch.setattr(beyond, "look_for_unmodelled", formula)
     monkeypatch.setattr(engine, "look_outside", lambda *_: None)
-    monkeypatch.setattr(engine, "_takes_most", lambda problem, listed: takes_most)
+    monkeypatch.setattr(beyond, "takes_most", lambda problem, listed: takes_most)
     monkeypatch.setattr(Search, "claims", property(lambda self: claimed))
     monkeypatch.setattr(Unmodelled, "outdoes", lambda self, problem, other: True)
     assert [f.term for f in diagnose_plant(drifting(), Axis()).findings] == named
@@ -104,9 +105,9 @@ def test_a_drag_that_outdoes_listed_terms_is_the_answer_without_asking_the_motio
     """Nothing that the motion says would change it; to be told that takes half a minute."""
     feature = Feature(Product((Factor("x", "u3"),)), Estimate(1.0, "N.m", (0.9, 1.1)))
     finding = Finding(FORMULA, (), 0.9, None, {}, {}, 1e3, shape=Form("axis.tau_add", "N.m", (), (feature,), 0.9))
-    monkeypatch.setattr(engine, "can_follow", lambda campaign, plant: True)
-    monkeypatch.setattr(engine, "follow", never)
-    monkeypatch.setattr(engine, "look_for_unmodelled", lambda problem, fit, *_: Unmodelled(fit, [], finding, 0.9))
+    monkeypatch.setattr(beyond, "can_follow", lambda campaign, plant: True)
+    monkeypatch.setattr(beyond, "follow", never)
+    monkeypatch.setattr(beyond, "look_for_unmodelled", lambda problem, fit, *_: Unmodelled(fit, [], finding, 0.9))
     monkeypatch.setattr(engine, "look_outside", lambda *_: None)
     monkeypatch.setattr(Unmodelled, "outdoes", lambda self, problem, other: True)
     assert [f.term for f in diagnose_plant(drifting(), Axis()).findings] == [FORMULA]
@@ -127,7 +128,7 @@ def test_a_formula_that_leaves_less_gives_way_to_a_parameter_outside_its_toleran
         wider = replace(fit, jacobian=np.column_stack([fit.jacobian, np.ones(len(fit.residual))]))
         return Outside(Selection([wider]), 1e3, ())
 
-    monkeypatch.setattr(engine, "look_for_unmodelled", lambda problem, fit, *_: Unmodelled(fit, [], finding, 0.9))
+    monkeypatch.setattr(beyond, "look_for_unmodelled", lambda problem, fit, *_: Unmodelled(fit, [], finding, 0.9))
     monkeypatch.setattr(engine, "look_outside", outside)
     monkeypatch.setattr(engine, "look_beside", lambda *_: None)
     monkeypatch.setattr(engine, "remains", lambda *_: [10.0, 1.0])
@@ -149,13 +150,13 @@ def test_where_a_term_that_takes_most_leaves_what_stands_out_the_motion_is_asked
         fit = replace(listed.fit, hypothesis=on, x=np.append(listed.fit.x, active.start()))
         return replace(fit, jacobian=np.ones((len(fit.residual), len(fit.x)))), [both]
 
-    monkeypatch.setattr(engine, "can_follow", lambda campaign, plant: True)
-    monkeypatch.setattr(engine, "follow", lambda campaign, plant, say, in_runs, start: Search())
-    monkeypatch.setattr(engine, "look_for_unmodelled", lambda *_: None)
+    monkeypatch.setattr(beyond, "can_follow", lambda campaign, plant: True)
+    monkeypatch.setattr(beyond, "follow", lambda campaign, plant, say, in_runs, start: Search())
+    monkeypatch.setattr(beyond, "look_for_unmodelled", lambda *_: None)
     monkeypatch.setattr(engine, "look_outside", lambda *_: None)
-    monkeypatch.setattr(engine, "_takes_most", lambda problem, listed: True)
+    monkeypatch.setattr(beyond, "takes_most", lambda problem, listed: True)
     monkeypatch.setattr(Problem, "stands_out", lambda self, residual: stands_out)
-    monkeypatch.setattr(engine, "beside_listed", beside)
+    monkeypatch.setattr(beyond, "beside_listed", beside)
     found = diagnose_plant(drifting(), Axis())
     assert (both.term in [f.term for f in found.findings]) == stands_out
 
@@ -168,10 +169,10 @@ def test_a_form_found_together_with_a_term_is_the_answer_but_over_an_angle_where
 ) -> None:
     feature = Feature(Product((Factor("x", function),)), Estimate(1.0, "N.m", (0.9, 1.1)))
     finding = Finding(FORMULA, (), 0.9, None, {}, {}, 1e3, shape=Form("axis.tau_add", "N.m", (), (feature,), 0.9))
-    monkeypatch.setattr(engine, "can_follow", lambda campaign, plant: True)
-    monkeypatch.setattr(engine, "follow", lambda campaign, plant, say, in_runs, start: Search())
-    monkeypatch.setattr(engine, "look_for_unmodelled", lambda *_: None)
-    monkeypatch.setattr(engine, "look_together", lambda problem, listed, *_: Unmodelled(listed.fit, [], finding, 0.9))
+    monkeypatch.setattr(beyond, "can_follow", lambda campaign, plant: True)
+    monkeypatch.setattr(beyond, "follow", lambda campaign, plant, say, in_runs, start: Search())
+    monkeypatch.setattr(beyond, "look_for_unmodelled", lambda *_: None)
+    monkeypatch.setattr(beyond, "look_together", lambda problem, listed, *_: Unmodelled(listed.fit, [], finding, 0.9))
     monkeypatch.setattr(engine, "look_outside", lambda *_: None)
     monkeypatch.setattr(Search, "claims", property(lambda self: claimed))
     assert [f.term for f in diagnose_plant(drifting(), Axis()).findings] == named
@@ -180,7 +181,7 @@ def test_a_form_found_together_with_a_term_is_the_answer_but_over_an_angle_where
 @pytest.mark.parametrize("why", ["little is left", "it does not stand out"])
 def test_a_term_and_a_form_are_not_looked_for_together_where(why: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """What such a search costs is the time of all others."""
-    monkeypatch.setattr(engine, "look_together", never)
+    monkeypatch.setattr(beyond, "look_together", never)
     if why == "little is left":
         monkeypatch.setattr(thresholds, "TERMS_STAND", 1.1)
     else:

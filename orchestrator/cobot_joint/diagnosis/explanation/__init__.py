@@ -1,0 +1,1 @@
+"""What explains the recordings, of all that was found, and how it is said."""

@@ -1,0 +1,183 @@
+"""What listed terms leave: to a formula, to a formula and a term together, to the recorded motion, or to nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.anchored.follow import can_follow, follow, motion_is_given, where_it_lies
+from cobot_joint.diagnosis.anchored.free_runs import beside_listed
+from cobot_joint.diagnosis.anchored.search import Search, confidence
+from cobot_joint.diagnosis.data.campaign import Campaign
+from cobot_joint.diagnosis.estimation.calibrate import basis
+from cobot_joint.diagnosis.estimation.problem import Problem
+from cobot_joint.diagnosis.explanation.explanation import Explanation, sure_beside_background
+from cobot_joint.diagnosis.selection.elimination import prune, worth_naming
+from cobot_joint.diagnosis.selection.selection import Selected, Selection
+from cobot_joint.diagnosis.selection.some_recordings import some_of
+from cobot_joint.diagnosis.selection.stepwise import Selector
+from cobot_joint.diagnosis.selection.unlisted.held_against import look_for_unmodelled
+from cobot_joint.diagnosis.selection.unlisted.together import look_together
+from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
+from cobot_joint.diagnosis.store import Store
+
+Progress = Callable[[str], None]
+
+
+class BeyondTheList:
+    """Asks in turn for what listed terms may have missed.
+
+    listed: the base model, and what was selected. beside: selects terms beside something else.
+    """
+
+    def __init__(
+        self, campaign: Campaign, problem: Problem, listed: Selection, beside: Selector, say: Progress, store: Store
+    ) -> None:
+        self.campaign, self.problem, self.listed = campaign, problem, listed
+        self.beside, self.say, self.store = beside, say, store
+        self.calibrated, self.spend = listed.history[0], problem.budget.spend
+        self.left, self.before = (problem.excess(fit.residual) for fit in (listed.fit, self.calibrated))
+        self.stands_out = problem.stands_out(listed.fit.residual)
+        self.follows, self.given = can_follow(campaign, problem.plant), motion_is_given(campaign)
+        self.takes_most, self.much = takes_most(problem, listed), much_is_left(problem, listed)
+
+    def explanation(self) -> Explanation:
+        """The listed terms alone where nothing else does better.
+
+        Where terms that take most leave what stands out, the recorded motion is asked for others beside them. In free
+        runs the angle that a listed term goes by is lost, and a formula along the recorded motion has it: over an angle
+        it gives way to what the motion claims.
+        """
+        formula, rival = self._formula()
+        if formula and (not self._beside_background or self._leaves_nothing(formula)):
+            return self._of(formula)
+        outdone = bool(formula and formula.is_likely and formula.outdoes(self.problem, self.listed.fit))
+        if pair := self._pair(formula):
+            if not self._is_lost(pair):
+                return self._of(pair)
+            formula, outdone = pair, True
+        lost = outdone and bool(formula and formula.is_wave)
+        found = self._along_the_motion(outdone, lost)
+        if found and self.takes_most:
+            if (lost or not formula) and (both := beside_listed(self.problem, self.listed, found)):
+                return Explanation(self.calibrated, both[0], self.listed, both[1], anchored=found, rival=rival)
+            found = found if lost else None
+        if found and self._supports_listed(found, formula):
+            return self._of_listed(self._stands, anchored=found, rival=rival)
+        if formula and formula.is_likely and ((outdone and not (found and lost)) or not self._claims(found, formula)):
+            return self._of(formula)
+        if found and (found.named or not self._stands):
+            return self._of_listed([], anchored=found)
+        return self._of_what_is_worth_a_name(rival)
+
+    @property
+    def _beside_background(self) -> bool:
+        """A formula has to be predicted to take as much as listed terms take, and most of it."""
+        return self.takes_most or self.follows
+
+    @property
+    def _stands(self) -> list[Selected]:
+        """Listed terms, where they leave little."""
+        return self.listed.selected if self.left < thresholds.REMAINDER * self.before else []
+
+    def _formula(self) -> tuple[Unmodelled | None, Unmodelled | None]:
+        """(what is on no list, or a rival of listed terms that does not prove them wrong), one of them or neither."""
+        doubtful = self.listed.imitates or self.stands_out
+        taken = 0.0 if doubtful else 1 - self.left / max(self.before, 1e-9)
+        least = max(thresholds.ALONE, taken) if self._beside_background else 0.0
+        look = partial(look_for_unmodelled, self.problem, self.calibrated, self.listed, self.say, least)
+        found = self.spend("formulas", look) if self.much else None
+        return (None, found) if found and found.as_good else (found, None)
+
+    def _leaves_nothing(self, formula: Unmodelled) -> bool:
+        """Whether it leaves no background, which a formula follows as well as an effect."""
+        return self.problem.excess(formula.fit.residual) < thresholds.UNDECIDED * self.problem.excess_scatter
+
+    def _is_lost(self, formula: Unmodelled) -> bool:
+        """Whether it goes by an angle that free runs lose and the recorded motion has."""
+        return self.follows and formula.is_wave
+
+    def _pair(self, formula: Unmodelled | None) -> Unmodelled | None:
+        """A listed term and what is on no list, where listed terms leave more than those that stand do, and what stands
+        out, and the best formula does, too: neither may show what it is without the other."""
+        likely = formula if formula and formula.is_likely else None
+        if not self.much or self.given or self.problem.is_table or (likely and self._is_lost(likely)):
+            return None
+        out = self.stands_out and (likely is None or self.problem.stands_out(likely.fit.residual))
+        if not out or self.left <= thresholds.TERMS_STAND * self.before:
+            return None
+        look = partial(look_together, self.problem, self.listed, formula, self.beside, self.say)
+        return self.spend("a listed term and a formula", look)
+
+    def _along_the_motion(self, outdone: bool, lost: bool) -> Search | None:
+        """What the recorded motion says, where it may change the answer. Where motion is an input, free runs lose
+        nothing."""
+        settled = outdone and not lost and not self._stands
+        if not self.much or not self.follows or self.given or settled:
+            return None
+        if self.takes_most and not (lost or self.listed.imitates or self.stands_out):
+            return None
+        return self.spend("the recorded motion", self._followed)
+
+    def _followed(self) -> Search | None:
+        in_runs = [c.term for ranked in self.listed.ranking[:1] for c in ranked]
+        start = self.calibrated.run.values
+
+        def on_the_way(words: str) -> None:
+            self.problem.budget.check()
+            self.say(words)
+
+        along = partial(follow, self.campaign, self.problem.plant, on_the_way, in_runs, start)
+        return self.store.remember("anchored", (basis(self.campaign), start), along)
+
+    def _supports_listed(self, found: Search, formula: Unmodelled | None) -> bool:
+        """Whether the motion names one of the listed terms that stand, other than those that stay with a formula."""
+        heard = self._stands if self.takes_most else self._stands[:1]
+        return any(found.supports(s.term) for s in heard if s.term not in staying(formula))
+
+    def _claims(self, found: Search | None, formula: Unmodelled) -> bool:
+        """Whether the motion claims a term other than those that stay with a formula; where it was not asked, whether
+        listed terms take most."""
+        if found is None:
+            return self.takes_most
+        stay = staying(formula)
+        others = [n for n in found.named if not {n.name, *n.alike} & stay]
+        return found.claims and (not stay or any(confidence(n) >= thresholds.EVEN for n in others))
+
+    def _of(self, formula: Unmodelled) -> Explanation:
+        return Explanation(self.calibrated, formula.fit, self.listed, formula.selected, formula)
+
+    def _of_listed(self, selected: list[Selected], anchored: Search, rival: Unmodelled | None = None) -> Explanation:
+        return Explanation(self.calibrated, self.listed.fit, self.listed, selected, anchored=anchored, rival=rival)
+
+    def _of_what_is_worth_a_name(self, rival: Unmodelled | None) -> Explanation:
+        """Listed terms without the last that explain too little. Where motion is an input, the one that does best is
+        said to come nearest, and the recorded motion says where the rest lies."""
+        problem, listed = self.problem, self.listed
+        proven = worth_naming(problem, self.calibrated, listed) if problem.is_table else listed
+        kept = proven if self.given else prune(problem, listed)
+        some = replace(self.campaign, recordings=some_of(problem, self.calibrated)[0].recordings)
+        lies = partial(where_it_lies, some, problem.plant, kept.fit.run, self.say)
+        asked = self.given and self.much and self.follows and not self.takes_most
+        rest = self.spend("where the rest lies", lies) if asked else None
+        return Explanation(self.calibrated, kept.fit, listed, kept.selected, background=rest or [], rival=rival)
+
+
+def staying(formula: Unmodelled | None) -> set[str]:
+    """Listed terms that stay with a formula."""
+    return {s.term for s in formula.selected} if formula else set()
+
+
+def much_is_left(problem: Problem, listed: Selection) -> bool:
+    """Whether listed terms leave more than noise does: several hardly do, unless together they imitate something."""
+    left = listed.fit.residual
+    several = len(listed.selected) > 1 and (listed.imitates or problem.unexplained(left))
+    much = problem.excess(left) > thresholds.CLEARLY_LEFT * problem.excess_scatter
+    return several or much or problem.stands_out(left)
+
+
+def takes_most(problem: Problem, listed: Selection) -> bool:
+    """Whether a listed term takes so much that, though more than noise is left, it is more likely right than not."""
+    return max(sure_beside_background(problem, listed).values(), default=0.0) >= thresholds.EVEN

@@ -13,7 +13,6 @@ from scipy.optimize import lsq_linear
 from scipy.signal import lfilter
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from cobot_joint.diagnosis import explanation
 from cobot_joint.diagnosis.candidates.score_test import Scan
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.engine import diagnose_plant, identify
@@ -21,6 +20,7 @@ from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, bounded_step, fit
 from cobot_joint.diagnosis.estimation.problem import Noise, Problem
+from cobot_joint.diagnosis.explanation import explanation
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding
 from cobot_joint.diagnosis.plant.plant import Plant, Signals
 from cobot_joint.diagnosis.repair.repair import onsets

@@ -54,11 +54,11 @@ class Predicted:
     """Log likelihood that something adds to parts that it was not fitted to: (blocks,), (recordings,) or none of one.
 
     What repeats in time by chance, such as a drift, predicts other parts of its own recording, and no other recording.
+    recordings: those that the filter could follow; where it lost its way, it may be for want of what is judged.
     """
 
     blocks: Array
     recordings: Array
-    worst: float = 0.0  # of the recordings that the filter could follow
 
     @property
     def worth(self) -> float:
@@ -68,8 +68,9 @@ class Predicted:
         blocks, acts = trimmed_sum(self.blocks), np.abs(self.recordings) > SILENT
         if acts.sum() < 2:
             return blocks
-        contradicts = self.worst < -thresholds.ANCHORED_ALIKE
-        return self.worst if contradicts else min(blocks, float(self.recordings.sum()))
+        worst = float(self.recordings.min())
+        contradicts = worst < -thresholds.ANCHORED_ALIKE
+        return worst if contradicts else min(blocks, float(self.recordings.sum()))
 
 
 class Beside:
@@ -198,7 +199,7 @@ class Beside:
         more = self._products(self._white(found.effect))
         blocks, recordings = (self.regression.predicted(more, found.added.variances, each) for each in self._parts)
         followed = [x for x, t in zip(recordings.tolist(), self.trackings, strict=False) if _lost(t) < LOST]
-        return Predicted(blocks, recordings, min(followed, default=0.0))
+        return Predicted(blocks, np.array(followed))
 
     def predicted_outside(self, name: str, bound: float) -> Predicted:
         """The same of a base parameter outside its tolerance, over being held at the bound, which is so much from the

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.anchored import beside
 from cobot_joint.diagnosis.anchored.beside import Predicted
 from cobot_joint.diagnosis.anchored.search import Named, Search, Searcher, confidence
 from cobot_joint.diagnosis.anchored.tracks import Tracker
@@ -40,8 +42,8 @@ def background(values: Mapping[str, float]) -> dict[str, np.ndarray]:
 
 
 @contextmanager
-def searcher(recording: Recording) -> Iterator[Searcher]:
-    with FmuPlant({"loaded": load_system("joint_logged")}) as plant, Tracker(plant, [recording], NOISE) as tracker:
+def searcher(*recordings: Recording) -> Iterator[Searcher]:
+    with FmuPlant({"loaded": load_system("joint_logged")}) as plant, Tracker(plant, list(recordings), NOISE) as tracker:
         bounds = {}
         for name in BOUNDS:
             nominal = plant.parameters[name].nominal
@@ -141,21 +143,36 @@ def test_the_search_begins_where_the_recordings_are_more_likely(times: float, be
 
 
 @pytest.mark.parametrize(
-    ("recordings", "worst", "worth"),
+    ("recordings", "worth"),
     [
-        ([30.0, 40.0, 20.0], 20.0, 90.0),
-        ([-30.0, 20.0, 5.0], 0.0, -5.0),
-        ([-30.0, 50.0, 5.0], -30.0, -30.0),
-        ([-30.0, 50.0, 5.0], 5.0, 25.0),
-        ([-3.0, 50.0, 5.0], -3.0, 52.0),
-        ([0.0, 200.0], 0.0, 120.0),
-        ([], 0.0, 120.0),
+        ([30.0, 40.0, 20.0], 90.0),
+        ([-4.0, 2.0, 1.0], -1.0),
+        ([-30.0, 50.0, 5.0], -30.0),
+        ([-3.0, 50.0, 5.0], 52.0),
+        ([0.0, 200.0], 120.0),
+        ([], 120.0),
     ],
 )
 def test_what_predicts_its_own_recording_only_or_contradicts_another_is_worth_nothing(
-    recordings: list[float], worst: float, worth: float
+    recordings: list[float], worth: float
 ) -> None:
-    """worst: of those that the filter could follow; noload of field/open case04, where the output rattles in its gap,
-    would have spoken against its cogging"""
     blocks = np.array([10.0, 50.0, 70.0, 90.0])
-    assert Predicted(blocks, np.array(recordings), worst).worth == worth
+    assert Predicted(blocks, np.array(recordings)).worth == worth
+
+
+def test_a_recording_in_which_the_filter_loses_its_way_does_not_speak_against_a_term(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A torque ripple, 11 times the background, threw the filter out in the run without load, which then spoke against
+    it (machine 15 of seed 109); and noload of field/open case04, where the output rattles, against its cogging."""
+    concealed = {"motor_bldc.cogging.A": 4e-3, "motor_bldc.cogging.n": 6.0}
+    one = recorded(run(concealed, seconds=SECONDS))
+    with searcher(one, replace(one, name="another")) as found:
+        at = found._follow(Search())
+        term = next(t for t in found.terms if t.name == "motor_bldc.cogging")
+        candidate = at.candidate(term)
+        assert candidate is not None
+        assert len(at.predicted(candidate).recordings) == 2
+        lost = at.trackings[1]
+        monkeypatch.setattr(beside, "_lost", lambda t: 0.02 if t is lost else 0.0)
+        assert len(at.predicted(candidate).recordings) == 1

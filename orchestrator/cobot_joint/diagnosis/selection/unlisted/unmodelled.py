@@ -263,9 +263,9 @@ def _answer(
     left, above = max(problem.excess(found.residual), 0.0), max(found.chi2 - problem.samples, 0.0)
     sure = confidence(gained, left, unlisted=True)
     if left > thresholds.CLEARLY_LEFT * problem.excess_scatter:
-        beside = beside_background(gained / (gained + above), unlisted=True)
-        is_larger = problem.stands_out(start.residual)  # than backgrounds are
-        sure = max(sure, beside if is_larger else min(beside, thresholds.WITHHELD))
+        sure = max(sure, beside_background(gained / (gained + above), unlisted=True))
+        if not problem.stands_out(start.residual):  # a background is as large
+            sure = min(sure, thresholds.WITHHELD)
     alike = indistinguishable_ports(problem, start, choice, thresholds.COLLINEAR)
     finding = Finding(
         term=f"{choice.port.component}.unlisted",

@@ -1,7 +1,7 @@
 """How often a name given beside a background is right: drawn machines with backgrounds, diagnosed and counted.
 
     python -m cobot_joint.diagnosis.evaluation.background_count CAMPAIGN.toml [--machines 100] [--seconds 8] [--seed 0]
-                       [--effects 0.4 0.4 0.2] [--jobs 2] [--out backgrounds.jsonl]
+                       [--effects 0.4 0.4 0.2] [--unlisted 0.2] [--misstated 0.2] [--jobs 2] [--out backgrounds.jsonl]
 
 The campaign lends its set-ups, inputs, channels and tolerances; every draw (backgrounds.py) has parameters, a
 background, terms, sizes and noise of its own. One line of OUT per machine; those that are there are not drawn again.
@@ -24,7 +24,7 @@ from joblib import Parallel, delayed
 
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.engine import identify
-from cobot_joint.diagnosis.evaluation.backgrounds import FieldConcealer, FieldDrawn
+from cobot_joint.diagnosis.evaluation.backgrounds import MISSTATED, UNLISTED, FieldConcealer, FieldDrawn
 from cobot_joint.diagnosis.evaluation.score import OUT_OF_TOLERANCE, rate
 from cobot_joint.diagnosis.evaluation.synthetic import Concealer
 from cobot_joint.diagnosis.findings import Diagnosis
@@ -45,6 +45,8 @@ class Draws:
     seconds: float = 8.0
     seed: int = 0
     effects: tuple[float, ...] = EFFECTS
+    unlisted: float = UNLISTED
+    misstated: float = MISSTATED
 
 
 def count(draws: Draws, out: Path, machines: int, jobs: int) -> list[Row]:
@@ -65,7 +67,7 @@ def counted(draws: Draws, k: int) -> Row:
     campaign = load_campaign(draws.pattern, roles=("train",))
     rng = np.random.default_rng((draws.seed, k))
     with FmuPlant(campaign.systems()) as plant:
-        concealer = FieldConcealer(Concealer(campaign, plant, draws.seconds))
+        concealer = FieldConcealer(Concealer(campaign, plant, draws.seconds), draws.unlisted, draws.misstated)
         machine = concealer.draw(rng, int(rng.choice(len(draws.effects), p=draws.effects)))
         begun, at = time.process_time(), time.monotonic()
         found = identify(machine.drawn.campaign, plant)
@@ -160,10 +162,13 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=8.0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--effects", type=float, nargs="+", default=EFFECTS, help="shares of none, one, two")
+    parser.add_argument("--unlisted", type=float, default=UNLISTED, help="share of the effects that are on no list")
+    parser.add_argument("--misstated", type=float, default=MISSTATED, help="share of the others: wrong data sheets")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("build/backgrounds.jsonl"))
     given = parser.parse_args()
-    draws = Draws(given.campaign, given.seconds, given.seed, tuple(given.effects))
+    shares = tuple(given.effects), given.unlisted, given.misstated
+    draws = Draws(given.campaign, given.seconds, given.seed, *shares)
     rows = count(draws, given.out, given.machines, given.jobs)
     print(tables(rows))
 

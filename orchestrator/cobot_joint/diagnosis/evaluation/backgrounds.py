@@ -139,10 +139,14 @@ def off_the_list(rng: Rng) -> tuple[Components, tuple[Part]]:
 
 
 class FieldConcealer:
-    """Draws machines with backgrounds after the pattern that a Concealer has."""
+    """Draws machines with backgrounds after the pattern that a Concealer has.
 
-    def __init__(self, concealer: Concealer) -> None:
-        self.concealer = concealer
+    unlisted: share of the effects that are on no list; misstated: of the others that are values outside their
+    tolerances.
+    """
+
+    def __init__(self, concealer: Concealer, unlisted: float = UNLISTED, misstated: float = MISSTATED) -> None:
+        self.concealer, self.unlisted, self.misstated = concealer, unlisted, misstated
 
     def draw(self, rng: Rng, effects: int) -> FieldDrawn:
         """A machine with so many effects. RuntimeError: none of DRAWS moves as what was drawn for it says."""
@@ -156,7 +160,7 @@ class FieldConcealer:
         samples = float(np.sqrt(bench.problem.samples))
         _, background, size = self._sized(bench, lambda: ((), family(rng)), _between(LEVELS, rng) * samples)
         over = _between(OVER, rng) * size
-        listed = effects - int(rng.binomial(effects, UNLISTED))
+        listed = effects - int(rng.binomial(effects, self.unlisted))
         misstated = self._misstated(bench, listed, over, rng.spawn(1)[0])
         listed -= len(misstated)
         concealed = self._as_large(bench, listed, over, rng)
@@ -174,7 +178,7 @@ class FieldConcealer:
 
     def _misstated(self, bench: Bench, effects: int, wanted: float, rng: Rng) -> list[Misstated]:
         """At most one of so many effects."""
-        found = misstate(bench, wanted, rng) if rng.random() < 1 - (1 - MISSTATED) ** effects else None
+        found = misstate(bench, wanted, rng) if rng.random() < 1 - (1 - self.misstated) ** effects else None
         return [found] if found else []
 
     def _as_large(self, bench: Bench, effects: int, wanted: float, rng: Rng) -> tuple[Concealed, ...]:

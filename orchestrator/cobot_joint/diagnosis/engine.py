@@ -34,7 +34,7 @@ from cobot_joint.diagnosis.selection.outside import Outside, look_outside
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.some_recordings import some_of
 from cobot_joint.diagnosis.selection.stepwise import Selector
-from cobot_joint.diagnosis.selection.unlisted.held_against import look_beside
+from cobot_joint.diagnosis.selection.unlisted.held_against import look_beside_parameter
 from cobot_joint.diagnosis.selection.unlisted.remains import remains
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 from cobot_joint.diagnosis.store import Store
@@ -139,7 +139,7 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
         return _channel_or_parameter(problem, found.selection.up_to(0), misread, say)
     is_formula = found.unmodelled is not None and found.unmodelled.may_be_a_data_sheet
     along = found.anchored and (found.anchored.claims or not problem.stands_out(found.calibrated.residual))
-    if (found.unmodelled and not is_formula) or along or (found.background and not found.selected):
+    if found.outside or (found.unmodelled and not is_formula) or along or (found.background and not found.selected):
         return found
     select = Selector(problem, scan, say).select
     listed = (found.selection.fit, found.selection.selected) if is_formula else (found.fit, found.selected)
@@ -150,10 +150,10 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     if outside is None or (found.unmodelled and _stands_before(problem, found.unmodelled, outside)):
         return found
     as_good = misread if misread and misread.as_good(problem, found.calibrated, outside.gain) else None
-    beside = problem.budget.spend("formulas", lambda: look_beside(problem, outside.selection, say))
-    fit = beside.fit if beside else outside.fit
-    explained = Explanation(found.calibrated, fit, outside.selection, outside.selection.selected, beside)
-    return replace(explained, outside=outside, misread=as_good)
+    beside = problem.budget.spend("formulas", lambda: look_beside_parameter(problem, outside.selection, say))
+    both = outside.with_formula(beside) if beside else outside
+    explained = Explanation(found.calibrated, both.fit, both.selection, both.selection.selected, beside)
+    return replace(explained, outside=both, misread=as_good)
 
 
 def _stands_before(problem: Problem, formula: Unmodelled, outside: Outside) -> bool:

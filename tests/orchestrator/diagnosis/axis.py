@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import sin, tanh
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,3 +127,33 @@ def campaign(
         recordings.append(recording)
     tolerances = {name: Tolerance(relative=0.1) for name in NOMINAL if name != "axis.k"}
     return Campaign("axis", Path("campaign.toml"), "axis", {}, {}, tolerances, {}, recordings)
+
+
+class Driven(Axis):
+    """The axis, its torque constant that of a drive."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.parameters["drive.k"] = replace(self.parameters.pop("axis.k"), name="drive.k")
+
+    def has(self, name: str, recording: Recording) -> bool:
+        """See Plant.has."""
+        return super().has(name, recording) or name.split(".")[0] == "drive"
+
+    def simulate(self, values: Mapping[str, float], recording: Recording, **others: Any) -> Signals:
+        """See Plant.simulate."""
+        own = dict(values)
+        return super().simulate({**own, "axis.k": own.pop("drive.k", NOMINAL["axis.k"])}, recording, **others)
+
+
+def weak_drive(windage: float = 0.0, eddy_currents: float = 0.0) -> Campaign:
+    """The torque constant is 0.7 of nominal. eddy_currents: twice the torque at 15 rad/s, N.m; no term has them."""
+    truth, rng = OFF | {"drive.k": 0.7 * NOMINAL["axis.k"], "axis.windage.c": windage}, np.random.default_rng(1)
+    case, plant = campaign(OFF), Driven()
+    for recording in case.recordings:
+        clean = plant.simulate(truth, recording)
+        for _ in range(20):  # the drag follows the motion that it changes
+            w = clean["axis.w"] / 15
+            clean = plant.simulate(truth, recording, added={"axis.tau_add": -eddy_currents * w / (1 + w**2)})
+        recording.outputs["w"] = clean["w"] + rng.normal(0, NOISE, SAMPLES)
+    return replace(case, tolerances={**case.tolerances, "drive.k": Tolerance(relative=0.1)})

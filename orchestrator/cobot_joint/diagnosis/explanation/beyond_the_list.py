@@ -15,11 +15,12 @@ from cobot_joint.diagnosis.estimation.calibrate import basis
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.explanation.explanation import Explanation, sure_beside_background
 from cobot_joint.diagnosis.selection.elimination import prune, worth_naming
+from cobot_joint.diagnosis.selection.outside import Outside
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.some_recordings import some_of
 from cobot_joint.diagnosis.selection.stepwise import Selector
-from cobot_joint.diagnosis.selection.unlisted.held_against import look_for_unmodelled
-from cobot_joint.diagnosis.selection.unlisted.together import look_together
+from cobot_joint.diagnosis.selection.unlisted.held_against import look_beside, look_for_unmodelled
+from cobot_joint.diagnosis.selection.unlisted.together import Pair, look_together
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 from cobot_joint.diagnosis.store import Store
 
@@ -54,10 +55,10 @@ class BeyondTheList:
         if formula and (not self._beside_background or self._leaves_nothing(formula)):
             return self._of(formula)
         outdone = bool(formula and formula.is_likely and formula.outdoes(self.problem, self.listed.fit))
-        if pair := self._pair(formula):
-            if not self._is_lost(pair):
-                return self._of(pair)
-            formula, outdone = pair, True
+        if pair := self._pair(formula, rival):
+            if pair.outside or not self._is_lost(pair.formula):
+                return self._of(pair.formula, pair.outside)
+            formula, outdone = pair.formula, True
         lost = outdone and bool(formula and formula.is_wave)
         found = self._along_the_motion(outdone, lost)
         if found and self.takes_most:
@@ -69,7 +70,7 @@ class BeyondTheList:
         if formula and formula.is_likely and ((outdone and not (found and lost)) or not self._claims(found, formula)):
             return self._of(formula)
         if found and (found.named or not self._stands):
-            return self._of_listed([], anchored=found)
+            return self._beside_the_claimed(found) or self._of_listed([], anchored=found)
         return self._of_what_is_worth_a_name(rival)
 
     @property
@@ -99,22 +100,24 @@ class BeyondTheList:
         """Whether it goes by an angle that free runs lose and the recorded motion has."""
         return self.follows and formula.is_wave
 
-    def _pair(self, formula: Unmodelled | None) -> Unmodelled | None:
-        """A listed term and what is on no list, where listed terms leave more than those that stand do, and what stands
-        out, and the best formula does, too: neither may show what it is without the other."""
-        likely = formula if formula and formula.is_likely else None
+    def _pair(self, formula: Unmodelled | None, rival: Unmodelled | None) -> Pair | None:
+        """What is on no list, and a listed term or a parameter, where listed terms leave what stands out, and the best
+        formula does, too: neither may show what it is without the other. Where listed terms take most, beside such a
+        formula only."""
+        likely = next((f for f in (formula, rival) if f and f.is_likely), None)
         if not self.much or self.given or self.problem.is_table or (likely and self._is_lost(likely)):
             return None
         out = self.stands_out and (likely is None or self.problem.stands_out(likely.fit.residual))
-        if not out or self.left <= thresholds.TERMS_STAND * self.before:
+        alone = likely is not None and not likely.selected
+        if not out or not (alone or self.left > thresholds.TERMS_STAND * self.before):
             return None
-        look = partial(look_together, self.problem, self.listed, formula, self.beside, self.say)
-        return self.spend("a listed term and a formula", look)
+        look = partial(look_together, self.problem, self.listed, likely or formula, self.beside, self.say)
+        return self.spend("a formula and something beside it", look)
 
     def _along_the_motion(self, outdone: bool, lost: bool) -> Search | None:
         """What the recorded motion says, where it may change the answer. Where motion is an input, free runs lose
         nothing."""
-        settled = outdone and not lost and not self._stands
+        settled = outdone and not lost and (self.takes_most or not self._stands)
         if not self.much or not self.follows or self.given or settled:
             return None
         if self.takes_most and not (lost or self.listed.imitates or self.stands_out):
@@ -146,8 +149,23 @@ class BeyondTheList:
         others = [n for n in found.named if not {n.name, *n.alike} & stay]
         return found.claims and (not stay or any(confidence(n) >= thresholds.EVEN for n in others))
 
-    def _of(self, formula: Unmodelled) -> Explanation:
-        return Explanation(self.calibrated, formula.fit, self.listed, formula.selected, formula)
+    def _beside_the_claimed(self, found: Search) -> Explanation | None:
+        """What the motion claims, and a formula where free runs with it leave what stands out: along the motion none is
+        looked for."""
+        base = self.listed.up_to(0)
+        both = beside_listed(self.problem, base, found)
+        if both is None or not self.problem.stands_out(both[0].residual):
+            return None
+        claimed = replace(base, history=[self.calibrated, both[0]], selected=both[1])
+        formula = self.spend("formulas", partial(look_beside, self.problem, claimed, self.say))
+        if formula is None or formula.as_good:
+            return None
+        along = found if formula.selected else None
+        return Explanation(self.calibrated, formula.fit, claimed, formula.selected, formula, anchored=along)
+
+    def _of(self, formula: Unmodelled, outside: Outside | None = None) -> Explanation:
+        found = Explanation(self.calibrated, formula.fit, self.listed, formula.selected, formula)
+        return replace(found, outside=outside)
 
     def _of_listed(self, selected: list[Selected], anchored: Search, rival: Unmodelled | None = None) -> Explanation:
         return Explanation(self.calibrated, self.listed.fit, self.listed, selected, anchored=anchored, rival=rival)

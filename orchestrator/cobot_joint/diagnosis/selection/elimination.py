@@ -19,18 +19,25 @@ REDUCED = Precision(settled=20.0, roughly=0.01, steps=8, jacobians=1)  # of a fi
 
 def without_needless(problem: Problem, found: Selection) -> Selection:
     """Without earlier terms that the last one made needless: what stood in for it while it was off."""
-    best, kept = found.fit, list(found.selected)
-    for term in found.selected[:-1]:
+    best, kept = kept_beside(problem, found.fit, found.selected[:-1])
+    kept = [*kept, found.selected[-1]]
+    if len(kept) == len(found.selected):
+        return found
+    shorter = _shorter(problem, best, kept)
+    return found if shorter is None else replace(found, history=[found.history[0], *shorter, best], selected=kept)
+
+
+def kept_beside(problem: Problem, best: Fit, terms: Sequence[Selected]) -> tuple[Fit, list[Selected]]:
+    """(the fit without those of these terms that something later made needless, those that are left)."""
+    kept = list(terms)
+    for term in terms:
         needed = max(problem.evidence, thresholds.STILL_NEEDED * term.gain)
         if loss_without(best, term.term) > thresholds.NEEDS_NO_FIT * needed:
             continue
         less = without_terms(problem, best, {term.term})
         if less is not None and less.cost - best.cost < needed:
             best, kept = less, [s for s in kept if s is not term]
-    if len(kept) == len(found.selected):
-        return found
-    shorter = _shorter(problem, best, kept)
-    return found if shorter is None else replace(found, history=[found.history[0], *shorter, best], selected=kept)
+    return best, kept
 
 
 def _shorter(problem: Problem, best: Fit, kept: Sequence[Selected]) -> list[Fit] | None:

@@ -20,7 +20,9 @@ from cobot_joint.diagnosis.findings import Estimate, Finding
 from cobot_joint.diagnosis.localization.evidence import where_it_gains
 from cobot_joint.diagnosis.selection.competition import finished
 from cobot_joint.diagnosis.selection.confidence import beside_background, confidence
+from cobot_joint.diagnosis.selection.elimination import kept_beside
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
+from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 
 TRIED = 2  # parameters that are fitted, of those from which the Jacobian expects most
 
@@ -49,6 +51,11 @@ class Outside:
         """`component.parameter`"""
         return next(e.name for e in self.fit.hypothesis.effects if isinstance(e, FreeParameter))
 
+    def with_formula(self, found: Unmodelled) -> Outside:
+        """Beside what is on no list, and the listed terms that stay with it."""
+        history = [self.selection.history[0], found.fit]
+        return replace(self, selection=replace(self.selection, history=history, selected=found.selected))
+
     def confidence(self, problem: Problem) -> float:
         """In the parameter: by the share that it takes, or by how little is left."""
         left, excess = max(self.fit.chi2 - problem.samples, 0.0), max(problem.excess(self.fit.residual), 0.0)
@@ -57,11 +64,14 @@ class Outside:
         return beside_background(self.gain / (self.gain + left)) if much else confidence(self.gain, excess)
 
     def finding(self, problem: Problem, calibrated: Fit, repaired: Mapping[str, Estimate]) -> Finding:
-        """As a diagnosis says it. repaired: parameters as they were fitted."""
+        """As a diagnosis says it. No claim where it ends at what its unit allows, and that is not enough: a brake
+        without torque stood in for a stiffness that gave way (109, 28). repaired: parameters as they were fitted.
+        """
+        short = repaired[self.name].at and problem.stands_out(self.fit.residual)
         return Finding(
             term=self.name,
             equivalent=self.alike[: thresholds.MOST_NAMES - 1],
-            confidence=self.confidence(problem),
+            confidence=min(self.confidence(problem), thresholds.WITHHELD if short else 1.0),
             onset=None,
             parameters={self.name: repaired[self.name]},
             where=where_it_gains(problem, calibrated.residual**2 - self.fit.residual**2),
@@ -83,7 +93,7 @@ def look_outside(
     above, first = max(calibrated.chi2 - problem.samples, 0.0), max((s.gain for s in selected), default=0.0)
     taken = calibrated.cost - explained.cost if selected else thresholds.HOLDS * above
     beside = problem.stands_out(explained.residual)
-    best = _best(problem, calibrated, thresholds.WORTH_FITTING * max(taken if len(selected) < 2 else first, 0.0))
+    best = leaves_least(problem, calibrated, thresholds.WORTH_FITTING * max(taken if len(selected) < 2 else first, 0.0))
     gain = calibrated.cost - best.cost if best is not None else 0.0
     if best is not None and gain >= problem.evidence:
         slack = thresholds.ALIKE + thresholds.ALIKE_SHARE * max(problem.excess(explained.residual), 0.0)
@@ -109,11 +119,13 @@ def _with_terms(problem: Problem, best: Fit, select: Select) -> Selection:
 def _beside(
     problem: Problem, calibrated: Fit, explained: Fit, selected: Sequence[Selected], say: Say
 ) -> Outside | None:
-    """A parameter that listed terms need as well: beside them it leaves a third."""
-    best = _best(problem, explained, thresholds.WORTH_FITTING * max(explained.chi2 - problem.samples, 0.0))
+    """A parameter that listed terms need as well: beside them, or those that it makes needless, it leaves a third."""
+    best = leaves_least(problem, explained, thresholds.WORTH * max(explained.chi2 - problem.samples, 0.0))
     if best is None or not _leaves_less(problem, best, explained):
         return None
-    found = Outside(Selection([calibrated, best], list(selected)), explained.cost - best.cost, ())
+    gain = explained.cost - best.cost
+    best, kept = kept_beside(problem, best, selected)
+    found = Outside(Selection([calibrated, best], kept), gain, ())
     say(f"{found.name} outside its tolerance leaves a third of what the terms leave")
     return found
 
@@ -123,8 +135,8 @@ def _leaves_less(problem: Problem, fit: Fit, other: Fit) -> bool:
     return thresholds.TIMES_LESS * problem.excess(fit.residual) < problem.excess(other.residual)
 
 
-def _best(problem: Problem, calibrated: Fit, least: float) -> Fit | None:
-    """The base model with that parameter free which leaves least; None: none promises so much."""
+def leaves_least(problem: Problem, calibrated: Fit, least: float) -> Fit | None:
+    """A fit with that parameter free which leaves least; None: none promises so much."""
     promising = sorted(((predicted_decrease(free), k, free) for k, free in enumerate(_freed(calibrated))), reverse=True)
     best: Fit | None = None
     for _, _, free in [each for each in promising if each[0] > least][:TRIED]:
@@ -149,3 +161,17 @@ def _freed(calibrated: Fit) -> list[Fit]:
         less = replace(hypothesis, base=others, effects=(*hypothesis.effects, free))
         found.append(replace(at, hypothesis=less, x=at.x[order], jacobian=np.asarray(at.jacobian[:, order])))
     return found
+
+
+def held(problem: Problem, outside: Fit) -> Fit | None:
+    """The same with the parameter inside its tolerance again, all else re-fitted. None: it cannot be simulated."""
+    at = outside.settled()
+    hypothesis, count = at.hypothesis, len(at.hypothesis.base)
+    n, free = next((n, e) for n, e in enumerate(hypothesis.effects) if isinstance(e, FreeParameter))
+    others = tuple(e for e in hypothesis.effects if e is not free)
+    k = count + sum(len(e.coordinates) for e in hypothesis.effects[:n])
+    order = [*range(count), k, *(j for j in range(count, len(at.x)) if j != k)]
+    inside = replace(hypothesis, base=(*hypothesis.base, free.base), effects=others)
+    x = at.x[order]
+    x[count] = np.clip(x[count], -1, 1)
+    return fit(problem, inside, x, np.asarray(at.jacobian[:, order]), finished(1))

@@ -20,6 +20,7 @@ from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.plant.correction import Factor, Product
 from cobot_joint.diagnosis.selection.outside import Outside
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
+from cobot_joint.diagnosis.selection.unlisted.together import Pair
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 from tests.orchestrator.diagnosis.axis import NOMINAL, OFF, Axis, campaign
 
@@ -130,7 +131,7 @@ def test_a_formula_that_leaves_less_gives_way_to_a_parameter_outside_its_toleran
 
     monkeypatch.setattr(beyond, "look_for_unmodelled", lambda problem, fit, *_: Unmodelled(fit, [], finding, 0.9))
     monkeypatch.setattr(engine, "look_outside", outside)
-    monkeypatch.setattr(engine, "look_beside", lambda *_: None)
+    monkeypatch.setattr(engine, "look_beside_parameter", lambda *_: None)
     monkeypatch.setattr(engine, "remains", lambda *_: [10.0, 1.0])
     monkeypatch.setattr(Unmodelled, "outdoes", lambda self, problem, other: False)
     monkeypatch.setattr(Outside, "confidence", lambda self, problem: sure)
@@ -172,7 +173,9 @@ def test_a_form_found_together_with_a_term_is_the_answer_but_over_an_angle_where
     monkeypatch.setattr(beyond, "can_follow", lambda campaign, plant: True)
     monkeypatch.setattr(beyond, "follow", lambda campaign, plant, say, in_runs, start: Search())
     monkeypatch.setattr(beyond, "look_for_unmodelled", lambda *_: None)
-    monkeypatch.setattr(beyond, "look_together", lambda problem, listed, *_: Unmodelled(listed.fit, [], finding, 0.9))
+    monkeypatch.setattr(
+        beyond, "look_together", lambda problem, listed, *_: Pair(Unmodelled(listed.fit, [], finding, 0.9))
+    )
     monkeypatch.setattr(engine, "look_outside", lambda *_: None)
     monkeypatch.setattr(Search, "claims", property(lambda self: claimed))
     assert [f.term for f in diagnose_plant(drifting(), Axis()).findings] == named
@@ -187,4 +190,32 @@ def test_a_term_and_a_form_are_not_looked_for_together_where(why: str, monkeypat
     else:
         monkeypatch.setattr(Problem, "stands_out", lambda self, residual: False)
     found = diagnose_plant(drifting(), Axis())
-    assert "a listed term and a formula" not in found.left_out
+    assert "a formula and something beside it" not in found.left_out
+
+
+@pytest.mark.parametrize("stands_out", [True, False])
+def test_beside_what_the_motion_claims_a_formula_is_looked_for_where_free_runs_with_it_leave_what_stands_out(
+    stands_out: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rough places of a motor beside a sensor's ripple (127, 7), 16 and 19 times the background, were missed."""
+    claimed = Selected("axis.windage", 1e4)
+    feature = Feature(Product((Factor("x", "u3"),)), Estimate(1.0, "N.m", (0.9, 1.1)))
+    finding = Finding(FORMULA, (), 0.9, None, {}, {}, 1e3, shape=Form("axis.tau_add", "N.m", (), (feature,), 0.9))
+
+    def with_windage(problem: Problem, listed: Selection, search: Search) -> tuple[Fit, list[Selected]]:
+        active = ActiveTerm(next(t for t in Axis().terms if t.name == claimed.term), {"axis.windage.c": 1e-6})
+        on = listed.fit.hypothesis.with_effects(active)
+        fit = replace(listed.fit, hypothesis=on, x=np.append(listed.fit.x, active.start()))
+        return replace(fit, jacobian=np.ones((len(fit.residual), len(fit.x)))), [claimed]
+
+    named = property(lambda self: True)
+    monkeypatch.setattr(beyond, "can_follow", lambda campaign, plant: True)
+    monkeypatch.setattr(beyond, "follow", lambda campaign, plant, say, in_runs, start: Search())
+    monkeypatch.setattr(beyond, "look_for_unmodelled", lambda *_: None)
+    monkeypatch.setattr(beyond, "beside_listed", with_windage)
+    monkeypatch.setattr(beyond, "look_beside", lambda problem, at, say: Unmodelled(at.fit, at.selected, finding, 0.9))
+    monkeypatch.setattr(Search, "claims", named)
+    monkeypatch.setattr(Search, "supports", lambda self, name: 0.9)
+    monkeypatch.setattr(Problem, "stands_out", lambda self, residual: stands_out)
+    found = diagnose_plant(drifting(), Axis())
+    assert {f.term for f in found.findings} == ({claimed.term, FORMULA} if stands_out else set())

@@ -7,10 +7,15 @@ from dataclasses import replace
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem
-from cobot_joint.diagnosis.selection.elimination import without_terms
 from cobot_joint.diagnosis.selection.selection import Selection
 from cobot_joint.diagnosis.selection.unlisted.remains import remains
-from cobot_joint.diagnosis.selection.unlisted.unmodelled import Say, Unmodelled, acts_where, look_at_ports
+from cobot_joint.diagnosis.selection.unlisted.unmodelled import (
+    Say,
+    Unmodelled,
+    acts_where,
+    look_at_ports,
+    without_needless,
+)
 
 
 def look_for_unmodelled(
@@ -29,12 +34,14 @@ def look_for_unmodelled(
     slow = left > thresholds.CLEARLY_LEFT * problem.excess_scatter
     little = not slow and not problem.stands_out(listed.fit.residual)
     stands = terms < 2 or not (listed.imitates or problem.unexplained(listed.fit.residual))
-    if explained or (little and stands):
+    if little and stands:
         return None
+    if explained:
+        return look_beside(problem, listed, say)
     say("looking for an effect that is on no list, port by port")
     alone = look_at_ports(problem, calibrated, [], say, least)
     if terms and left < thresholds.TERMS_STAND * before:
-        return _beside_what_stands(problem, alone, listed, say, least)
+        return _beside_what_stands(problem, alone, listed, say)
     if alone is not None and (alone.taken > thresholds.ALONE or not terms):
         return alone
     if left < (1 - thresholds.HOLDS) * before:
@@ -44,29 +51,56 @@ def look_for_unmodelled(
     return alone if alone is not None and _outweighs(problem, alone, listed) else None
 
 
-def _beside_what_stands(
-    problem: Problem, alone: Unmodelled | None, listed: Selection, say: Say, least: float
-) -> Unmodelled | None:
-    """In place of listed terms that do most, of one of them, or beside them, where it leaves so much less."""
+def _beside_what_stands(problem: Problem, alone: Unmodelled | None, listed: Selection, say: Say) -> Unmodelled | None:
+    """In place of listed terms that do most, of some of them, or beside them, where it leaves so much less."""
     instead = _in_place(problem, alone, listed)
-    if instead is not None and not instead.as_good:
-        return instead
-    one = _in_place_of_one(problem, listed, say, least)
-    if one is not None and not one.as_good:
-        return one
-    return look_beside(problem, listed, say) or instead or one
+    return instead if instead is not None and not instead.as_good else look_beside(problem, listed, say) or instead
 
 
 def look_beside(problem: Problem, listed: Selection, say: Say) -> Unmodelled | None:
-    """Beside all that was selected, where that leaves what stands out, and this takes so much of it that neither its
-    freedom nor a background accounts for it."""
-    if not problem.stands_out(listed.fit.residual):
+    """Beside what was selected, or in place of what it makes needless: the others may be right, and that one a patch
+    of what is on no list. It leaves so much less that its freedom does not account for it; as good as what it would
+    replace, where it leaves less.
+
+    Beside all of them, what they leave has to stand out: a background is no effect. Where it does not, only ports of
+    their units are asked, for something to take their place.
+    """
+    stands_out = problem.stands_out(listed.fit.residual)
+    units = None if stands_out else _units(listed)
+    least = thresholds.HOLDS if stands_out else thresholds.ALONE
+    found = look_at_ports(problem, listed.fit, listed.selected, say, least, units)
+    if found is None or not found.is_likely:
         return None
-    found = look_at_ports(problem, listed.fit, listed.selected, say, thresholds.ALONE)
-    if found is None or not found.is_likely or acts_where(found, listed.fit, listed.indistinguishable):
-        return None
+    found = without_needless(problem, found)
+    replaces = len(found.selected) < len(listed.selected)
     left, rest = remains(problem, listed.fit, found.fit)
-    return found if left > thresholds.TIMES_LESS * found.freedom * rest else None
+    if left > thresholds.TIMES_LESS * found.freedom * rest:
+        return found if stands_out or replaces else None
+    return replace(found, as_good=True) if replaces and left > found.freedom * rest else None
+
+
+def _units(listed: Selection) -> set[str]:
+    """Where the listed terms are, or others that equal them."""
+    on = {s.term for s in listed.selected}
+    twins = {twin for twin, leader in listed.indistinguishable.items() if leader in on}
+    return {name.split(".")[0] for name in on | twins}
+
+
+def look_beside_parameter(problem: Problem, outside: Selection, say: Say) -> Unmodelled | None:
+    """Beside a base parameter outside its tolerance: in place of the listed terms that were selected beside it, where
+    it leaves so much less, or beside them as well.
+
+    outside: the fit with the parameter alone, then those with terms; or, where terms were there before it, that with
+    both.
+    """
+    start = outside.history[0]
+    if outside.selected and start.hypothesis.effects:
+        alone = look_at_ports(problem, start, [], say, thresholds.ALONE)
+        if alone and alone.is_likely and not acts_where(alone, start, {}):
+            left, rest = remains(problem, outside.fit, alone.fit)
+            if left > thresholds.TIMES_LESS * alone.freedom * rest:
+                return alone
+    return look_beside(problem, outside, say)
 
 
 def _in_place(problem: Problem, alone: Unmodelled | None, listed: Selection) -> Unmodelled | None:
@@ -87,24 +121,6 @@ def _in_place(problem: Problem, alone: Unmodelled | None, listed: Selection) -> 
         return alone
     less = stands_out and alone.is_likely and left > alone.freedom * rest
     return replace(alone, as_good=True) if less else None
-
-
-def _in_place_of_one(problem: Problem, listed: Selection, say: Say, least: float) -> Unmodelled | None:
-    """Instead of one of several listed terms, the last one first, where these leave what stands out: the others may be
-    right, and that one a patch of what is on no list."""
-    if len(listed.selected) < 2 or not problem.stands_out(listed.fit.residual):
-        return None
-    found: Unmodelled | None = None
-    for gone in reversed(listed.selected):
-        others = [s for s in listed.selected if s is not gone]
-        alike = {t for pair in listed.indistinguishable.items() if gone.term in pair for t in pair}
-        start = without_terms(problem, listed.fit, {gone.term, *alike})
-        other = look_at_ports(problem, start, others, say, least) if start is not None else None
-        answer = _in_place(problem, other, Selection([start, listed.fit], [gone])) if start is not None else None
-        if answer is not None and not answer.as_good:
-            return answer
-        found = found or answer
-    return found
 
 
 def _outweighs(problem: Problem, alone: Unmodelled, listed: Selection) -> bool:

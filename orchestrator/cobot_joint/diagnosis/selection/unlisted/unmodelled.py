@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.candidates.formulas import Dictionary
 from cobot_joint.diagnosis.candidates.tables import Table, look_for_table
+from cobot_joint.diagnosis.estimation.effects import PortSignal
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.port_response import (
     Choice,
@@ -26,6 +27,7 @@ from cobot_joint.diagnosis.localization.evidence import where_it_gains
 from cobot_joint.diagnosis.plant.correction import Product
 from cobot_joint.diagnosis.plant.plant import Port
 from cobot_joint.diagnosis.selection.confidence import beside_background, confidence
+from cobot_joint.diagnosis.selection.elimination import kept_beside, without
 from cobot_joint.diagnosis.selection.selection import Selected
 from cobot_joint.diagnosis.selection.stepwise import share
 from cobot_joint.diagnosis.selection.unlisted.formula import forward
@@ -132,13 +134,18 @@ def acts_where(found: Unmodelled, terms: Fit, indistinguishable: Mapping[str, st
 
 
 def look_at_ports(
-    problem: Problem, start: Fit, selected: list[Selected], say: Say, least: float = 0.0
+    problem: Problem,
+    start: Fit,
+    selected: list[Selected],
+    say: Say,
+    least: float = 0.0,
+    units: Collection[str] | None = None,
 ) -> Unmodelled | None:
     """The best port and form beside the terms of `start`; None: nothing takes HOLDS of what it leaves. least: share of
     what is above noise that the first forms at a port are predicted to take together, or nothing else than one of them
-    that takes nearly all is an answer."""
+    that takes nearly all is an answer. units: whose ports are asked; None: every one's."""
     answer = partial(_answer, problem, start, selected)
-    places = pointed_to(problem, start, least)
+    places = pointed_to(problem, start, least, units)
     if not places:
         return _over_a_speed(problem, start, answer, say)
     found = _best(places, answer)
@@ -211,15 +218,14 @@ def _much_better(other: Unmodelled, than: Unmodelled | None) -> bool:
     return 1 - other.taken < (1 - than.taken) / thresholds.TIMES_LESS and other.finding.gain > than.finding.gain
 
 
-def pointed_to(problem: Problem, start: Fit, least: float) -> list[Place]:
-    """Those to which the residual points first, by a few forms at every port that is promising."""
-    ports = problem.plant.ports
+def pointed_to(problem: Problem, start: Fit, least: float, units: Collection[str] | None = None) -> list[Place]:
+    """Those to which the residual points first, by a few forms at every port, or at these units', that is promising."""
+    ports = [port for port in problem.plant.ports if units is None or port.component in units]
     outputs = problem.outputs(start.run, list(dict.fromkeys(s for port in ports for s in port.signals)))
     between: dict[str, float | None] = {}
     every = [d for port in ports if (d := Dictionary(problem, start, port, outputs, between)).locals]
     places = []
-    together = thresholds.ALONE if least else 0.0
-    for dictionary, columns in promising(problem, start, every, thresholds.HOLDS, together):
+    for dictionary, columns in promising(problem, start, every, thresholds.HOLDS, min(least, thresholds.ALONE)):
         points = Projection(start, [c.vector for c in columns]).inside
         places.append(Place(dictionary.port, dictionary, points, columns, forward(problem, start, columns)))
     return _distinguishable(sorted(places, key=lambda place: -place.points))
@@ -259,34 +265,50 @@ def _answer(
     taken = 1 - rest / max(before, 1e-9)
     if taken < thresholds.HOLDS or gained < problem.evidence:
         return None
-    form = _table_form(found, choice.port, table, taken) if table else _formula(problem, found, choice, taken)
+    port, forms = choice.port, [c.form for c in choice.columns]
+    form = _table_form(found, port, table, taken) if table else _formula(problem, found, port, forms, taken)
+    alike = indistinguishable_ports(problem, start, choice, thresholds.COLLINEAR)
+    equivalent = tuple(f"{c}.unlisted" for c in dict.fromkeys(p.component for p in alike))
+    finding = Finding(f"{port.component}.unlisted", equivalent, 0.0, onset, {}, {}, 0.0, shape=form)
+    return Unmodelled(found, selected, _weighed(problem, start, found, finding), taken)
+
+
+def _weighed(problem: Problem, start: Fit, found: Fit, finding: Finding) -> Finding:
+    """With what the fit takes from one without it, and how sure that makes it."""
+    gained = start.cost - found.cost
     left, above = max(problem.excess(found.residual), 0.0), max(found.chi2 - problem.samples, 0.0)
     sure = confidence(gained, left, unlisted=True)
     if left > thresholds.CLEARLY_LEFT * problem.excess_scatter:
         sure = max(sure, beside_background(gained / (gained + above), unlisted=True))
         if not problem.stands_out(start.residual):  # a background is as large
             sure = min(sure, thresholds.WITHHELD)
-    alike = indistinguishable_ports(problem, start, choice, thresholds.COLLINEAR)
-    finding = Finding(
-        term=f"{choice.port.component}.unlisted",
-        equivalent=tuple(f"{c}.unlisted" for c in dict.fromkeys(p.component for p in alike)),
-        confidence=sure,
-        onset=onset,
-        parameters={},
-        where=where_it_gains(problem, start.residual**2 - found.residual**2),
-        gain=gained,
-        shape=form,
-    )
-    return Unmodelled(found, selected, finding, taken)
+    where = where_it_gains(problem, start.residual**2 - found.residual**2)
+    return replace(finding, confidence=sure, where=where, gain=gained)
 
 
-def _formula(problem: Problem, found: Fit, choice: Choice[Product], taken: float) -> Form:
+def without_needless(problem: Problem, found: Unmodelled) -> Unmodelled:
+    """A formula without the listed terms that it makes needless: what they took as well."""
+    shape = found.finding.shape
+    if shape is None or not found.is_formula:
+        return found
+    fit, kept = kept_beside(problem, found.fit, found.selected)
+    gone = len(kept) < len(found.selected)
+    start = without(problem, fit, lambda effect: isinstance(effect, PortSignal)) if gone else None
+    if start is None:
+        return found
+    port = next(p for p in problem.plant.ports if p.name == shape.port)
+    form = _formula(problem, fit, port, [f.form for f in shape.features], shape.explains)
+    finding = _weighed(problem, start, fit, replace(found.finding, shape=form))
+    return replace(found, fit=fit, selected=kept, finding=finding)
+
+
+def _formula(problem: Problem, found: Fit, port: Port, forms: Sequence[Product], taken: float) -> Form:
     """The coefficients as they were re-fitted, their intervals with everything else free."""
-    port, first, stretches = choice.port, len(found.x) - len(choice.columns), problem.stretches(found.residual)
+    first, stretches = len(found.x) - len(forms), problem.stretches(found.residual)
     coordinates = found.hypothesis.coordinates
     features = tuple(
-        Feature(c.form, Estimate(float(found.x[k] * coordinates[k].scale), port.unit, found.interval(k, stretches)))
-        for k, c in enumerate(choice.columns, first)
+        Feature(form, Estimate(float(found.x[k] * coordinates[k].scale), port.unit, found.interval(k, stretches)))
+        for k, form in enumerate(forms, first)
     )
     used = [s for s in port.signals if any(s.split(".", 1)[1] in f.form.signals for f in features)]
     return Form(port.name, port.unit, tuple(used), features, round(taken, 3))

@@ -18,7 +18,18 @@ from cobot_joint.diagnosis.selection.stepwise import Selector
 from cobot_joint.diagnosis.selection.unlisted.together import look_together
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled, look_at_ports
 from cobot_joint.diagnosis.store import Store
-from tests.orchestrator.diagnosis.axis import NOISE, OFF, OFFSET, SAMPLES, TERMS, Axis, campaign
+from tests.orchestrator.diagnosis.axis import (
+    NOISE,
+    NOMINAL,
+    OFF,
+    OFFSET,
+    SAMPLES,
+    TERMS,
+    Axis,
+    Driven,
+    campaign,
+    weak_drive,
+)
 
 
 def chosen(offset: float, given: bool = False) -> tuple[Problem, Selection, Unmodelled | None]:
@@ -38,7 +49,8 @@ def chosen(offset: float, given: bool = False) -> tuple[Problem, Selection, Unmo
         listed = Selector(problem, scan, lambda words: None).select(base)
         beside = Selector(problem, scan, lambda words: None)
         alone = look_at_ports(problem, base, [], lambda words: None) if given else None
-        return problem, listed, look_together(problem, listed, alone, beside, lambda words: None)
+        pair = look_together(problem, listed, alone, beside, lambda words: None)
+        return problem, listed, pair.formula if pair else None
 
 
 Chosen = tuple[Problem, Selection, Unmodelled]
@@ -83,3 +95,22 @@ def test_no_listed_term_is_said_beside_a_drag_that_needs_none(given: bool) -> No
 def test_no_pair_replaces_a_form_that_does_a_third_as_well_alone() -> None:
     """The best form alone leaves twice what the pair does: a drag and a decay over the time."""
     assert chosen(offset=1.0, given=True)[2] is None
+
+
+def test_a_parameter_outside_its_tolerance_and_a_drag_on_no_list_are_chosen_together() -> None:
+    """A rotor's inertia and a brake's rough places (127, 9), 8 times the background: the latter were missed."""
+    case, plant = weak_drive(eddy_currents=0.05), Driven()
+    with one_blas_thread():
+        problem, base = calibrate(case, plant, lambda words: None, Store(None))
+        scan = Scan(problem, driven(problem, base, plant.terms), lambda words: None)
+        beside = Selector(problem, scan, lambda words: None)
+        pair = look_together(problem, Selection([base]), None, beside, lambda words: None)
+    assert pair is not None
+    assert pair.outside is not None
+    assert pair.outside.name == "drive.k"
+    assert pair.outside.confidence(problem) > 0.9
+    assert pair.formula.fit.run.values["drive.k"] == pytest.approx(0.7 * NOMINAL["axis.k"], rel=0.02)
+    found = answer(
+        problem, Explanation(base, pair.formula.fit, Selection([base]), [], pair.formula, outside=pair.outside)
+    )
+    assert {f.term for f in found.findings} == {"drive.k", "axis.unlisted"}

@@ -26,7 +26,7 @@ from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.repair.repair import repair
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.unlisted import held_against, unmodelled
-from cobot_joint.diagnosis.selection.unlisted.held_against import look_for_unmodelled
+from cobot_joint.diagnosis.selection.unlisted.held_against import look_beside, look_for_unmodelled
 from cobot_joint.diagnosis.selection.unlisted.remains import remains
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled, look_at_ports
 from cobot_joint.diagnosis.store import Store
@@ -77,7 +77,7 @@ def test_where_forms_fall_short_of_what_stands_out_a_table_over_the_speed_is_tri
     """Of a resonance, ten times the background, the first forms were predicted to take too little (73, 7)."""
     case = concealed(lambda w, phi: -0.1 * sgn(w) * np.exp(-(((np.abs(w) - 20) / 15) ** 2)))
     problem, calibrated = calibrate(case, Axis(), lambda words: None, Store(None))
-    monkeypatch.setattr(unmodelled, "pointed_to", lambda problem, start, least: [])
+    monkeypatch.setattr(unmodelled, "pointed_to", lambda problem, start, least, units: [])
     found = look_at_ports(problem, calibrated, [], lambda words: None, thresholds.ALONE)
     assert found is not None
     assert found.finding.shape is not None
@@ -107,32 +107,32 @@ def test_a_formula_that_leaves_less_than_what_it_does_not_outdo_is_said_beside_i
 
 
 @pytest.mark.parametrize(("leaves", "answer"), [(1.0, "in its place"), (2.5, "as good"), (4.0, "none")])
-def test_each_of_several_terms_is_held_against_a_formula_where_they_leave_what_stands_out(
-    leaves: float, answer: str, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("size", [4.0, 2.0], ids=["stands out", "does not"])
+@pytest.mark.parametrize("needless", [True, False])
+def test_a_formula_beside_several_terms_is_held_against_the_one_that_it_makes_needless(
+    leaves: float, answer: str, size: float, needless: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """They leave sixteen times the noise's chi-square, all of it slow; a formula of one feature in the last one's place
-    leaves so many roots of it"""
+    """They leave sixteen times the noise's chi-square, or four times, all of it slow; with a formula of one feature so
+    many sixteenths of it are left."""
     with one_blas_thread():
         problem, base = calibrate(campaign(OFF), Axis(), lambda words: None, Store(None))
     ones = np.ones_like(base.residual)
-    fits = [replace(base, residual=size * ones, chi2=size**2 * len(ones)) for size in (40.0, 20.0, 4.0)]
+    fits = [replace(base, residual=rms * ones, chi2=rms**2 * len(ones)) for rms in (40.0, 20.0, size)]
     terms = [Selected("axis.windage", 1e6), Selected("axis.cogging", 1e5)]
-    listed = Selection(fits, terms)
     finding = Finding("axis.unlisted", (), 0.9, None, {}, {}, 1e5, shape=Form("", "", (), (CUBE,), 0.9))
 
     def look(problem: Problem, start: Fit, selected: list[Selected], *_: object) -> Unmodelled | None:
-        if start is fits[0]:
-            return None
-        left = replace(base, residual=leaves * ones, chi2=leaves**2 * len(ones))
+        rms = leaves * size / 4
+        left = replace(base, residual=rms * ones, chi2=rms**2 * len(ones))
         return Unmodelled(left, selected, finding, 0.9)
 
     monkeypatch.setattr(held_against, "look_at_ports", look)
-    less = {"axis.cogging": fits[1]}
-    monkeypatch.setattr(held_against, "without_terms", lambda problem, best, names: less.get(*names))
-    found = look_for_unmodelled(problem, fits[0], listed, lambda words: None)
-    assert (found is None) == (answer == "none")
+    kept = terms[:1] if needless else terms
+    monkeypatch.setattr(held_against, "without_needless", lambda problem, found: replace(found, selected=kept))
+    found = look_beside(problem, Selection(fits, terms), lambda words: None)
+    beside = answer == "in its place" and size > thresholds.LEFT_SIGMA
+    assert (found is not None) == (answer != "none" if needless else beside)
     if found is not None:
-        assert found.selected == terms[:1]
         assert found.as_good == (answer == "as good")
 
 

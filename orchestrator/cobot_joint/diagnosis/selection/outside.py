@@ -24,7 +24,7 @@ from cobot_joint.diagnosis.selection.elimination import kept_beside
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 
-TRIED = 2  # parameters that are fitted, of those from which the Jacobian expects most
+TRIED = 2  # parameters that are fitted, of those from which the Jacobian expects most; beside listed terms one
 
 Select = Callable[[Fit], Selection]
 Say = Callable[[str], None]
@@ -120,7 +120,7 @@ def _beside(
     problem: Problem, calibrated: Fit, explained: Fit, selected: Sequence[Selected], say: Say
 ) -> Outside | None:
     """A parameter that listed terms need as well: beside them, or those that it makes needless, it leaves a third."""
-    best = leaves_least(problem, explained, thresholds.WORTH * max(explained.chi2 - problem.samples, 0.0))
+    best = leaves_least(problem, explained, thresholds.WORTH * max(explained.chi2 - problem.samples, 0.0), tried=1)
     if best is None or not _leaves_less(problem, best, explained):
         return None
     gain = explained.cost - best.cost
@@ -135,11 +135,11 @@ def _leaves_less(problem: Problem, fit: Fit, other: Fit) -> bool:
     return thresholds.TIMES_LESS * problem.excess(fit.residual) < problem.excess(other.residual)
 
 
-def leaves_least(problem: Problem, calibrated: Fit, least: float) -> Fit | None:
-    """A fit with that parameter free which leaves least; None: none promises so much."""
+def leaves_least(problem: Problem, calibrated: Fit, least: float, tried: int = TRIED) -> Fit | None:
+    """A fit with that parameter free which leaves least, of the few that promise most; None: none promises so much."""
     promising = sorted(((predicted_decrease(free), k, free) for k, free in enumerate(_freed(calibrated))), reverse=True)
     best: Fit | None = None
-    for _, _, free in [each for each in promising if each[0] > least][:TRIED]:
+    for _, _, free in [each for each in promising if each[0] > least][:tried]:
         trial = fit(problem, free.hypothesis, free.x, free.jacobian, finished(1))
         best = trial if trial is not None and (best is None or trial.cost < best.cost) else best
     return best

@@ -151,9 +151,11 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
         return found
     as_good = misread if misread and misread.as_good(problem, found.calibrated, outside.gain) else None
     beside = problem.budget.spend("formulas", lambda: look_beside_parameter(problem, outside.selection, say))
-    both = outside.with_formula(beside) if beside else outside
-    explained = Explanation(found.calibrated, both.fit, both.selection, both.selection.selected, beside)
-    return replace(explained, outside=both, misread=as_good)
+    both = outside.with_formula(problem, beside) if beside and not beside.as_good else None
+    told = both or outside
+    explained = Explanation(found.calibrated, told.fit, told.selection, told.selection.selected)
+    rival = beside if beside and beside.as_good else None
+    return replace(explained, outside=told, unmodelled=beside if both else None, rival=rival, misread=as_good)
 
 
 def _stands_before(problem: Problem, formula: Unmodelled, outside: Outside) -> bool:

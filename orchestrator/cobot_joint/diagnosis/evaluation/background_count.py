@@ -29,6 +29,7 @@ from cobot_joint.diagnosis.evaluation.score import OUT_OF_TOLERANCE, rate
 from cobot_joint.diagnosis.evaluation.synthetic import Concealer
 from cobot_joint.diagnosis.findings import Diagnosis
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
+from cobot_joint.errors import UserError
 
 EFFECTS = (0.4, 0.4, 0.2)  # share of machines that conceal nothing, one, two
 EDGES = (0.0, 3.0, 6.0, 12.0, np.inf)  # of effects over the background
@@ -48,10 +49,17 @@ class Draws:
     unlisted: float = UNLISTED
     misstated: float = MISSTATED
 
+    def to_json(self) -> Row:
+        """As every row has it."""
+        shares = {"effects": list(self.effects), "unlisted": self.unlisted, "misstated": self.misstated}
+        return {"pattern": self.pattern.parent.name, "seconds": self.seconds, "seed": self.seed, **shares}
+
 
 def count(draws: Draws, out: Path, machines: int, jobs: int) -> list[Row]:
-    """Draw and diagnose what is not yet in `out`; every row of it."""
+    """Draw and diagnose what is not yet in `out`; every row of it. UserError: it has rows of other draws."""
     rows = [json.loads(line) for line in out.read_text().splitlines()] if out.is_file() else []
+    if others := [row["k"] for row in rows if row.get("draws") != draws.to_json()]:
+        raise UserError(f"{out}: machine {others[0]} was drawn otherwise than asked for; give another --out")
     missing = sorted(set(range(machines)) - {row["k"] for row in rows})
     out.parent.mkdir(parents=True, exist_ok=True)
     work = (delayed(counted)(draws, k) for k in missing)
@@ -73,7 +81,7 @@ def counted(draws: Draws, k: int) -> Row:
         found = identify(machine.drawn.campaign, plant)
     row = judge(machine, found)
     took = {"cpu": round(time.process_time() - begun, 1), "seconds": round(time.monotonic() - at, 1)}
-    return {"k": k, "background": machine.background, **row, **took}
+    return {"k": k, "draws": draws.to_json(), "background": machine.background, **row, **took}
 
 
 def judge(machine: FieldDrawn, found: Diagnosis) -> Row:
@@ -169,8 +177,10 @@ def main() -> None:
     given = parser.parse_args()
     shares = tuple(given.effects), given.unlisted, given.misstated
     draws = Draws(given.campaign, given.seconds, given.seed, *shares)
-    rows = count(draws, given.out, given.machines, given.jobs)
-    print(tables(rows))
+    try:
+        print(tables(count(draws, given.out, given.machines, given.jobs)))
+    except UserError as error:
+        parser.error(str(error))
 
 
 if __name__ == "__main__":

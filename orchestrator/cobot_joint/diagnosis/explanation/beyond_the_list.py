@@ -150,18 +150,18 @@ class BeyondTheList:
         return found.claims and (not stay or any(confidence(n) >= thresholds.EVEN for n in others))
 
     def _beside_the_claimed(self, found: Search) -> Explanation | None:
-        """What the motion claims, and a formula where free runs with it leave what stands out: along the motion none is
-        looked for."""
+        """What the motion names, and a formula where free runs with all of it leave what stands out: along the motion
+        none is looked for."""
         base = self.listed.up_to(0)
         both = beside_listed(self.problem, base, found)
-        if both is None or not self.problem.stands_out(both[0].residual):
+        if both is None or {s.term for s in both[1]} != {n.name for n in found.named}:
             return None
         claimed = replace(base, history=[self.calibrated, both[0]], selected=both[1])
-        formula = self.spend("formulas", partial(look_beside, self.problem, claimed, self.say))
-        if formula is None or formula.as_good:
+        out = self.problem.stands_out(both[0].residual)
+        formula = self.spend("formulas", partial(look_beside, self.problem, claimed, self.say)) if out else None
+        if formula is None or formula.as_good or len(formula.selected) < len(both[1]):
             return None
-        along = found if formula.selected else None
-        return Explanation(self.calibrated, formula.fit, claimed, formula.selected, formula, anchored=along)
+        return Explanation(self.calibrated, formula.fit, claimed, formula.selected, formula, anchored=found)
 
     def _of(self, formula: Unmodelled, outside: Outside | None = None) -> Explanation:
         found = Explanation(self.calibrated, formula.fit, self.listed, formula.selected, formula)

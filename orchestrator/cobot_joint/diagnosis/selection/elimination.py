@@ -29,15 +29,20 @@ def without_needless(problem: Problem, found: Selection) -> Selection:
 
 def kept_beside(problem: Problem, best: Fit, terms: Sequence[Selected]) -> tuple[Fit, list[Selected]]:
     """(the fit without those of these terms that something later made needless, those that are left)."""
-    kept = list(terms)
+    kept, named = list(terms), {t.term for t in terms}
     for term in terms:
         needed = max(problem.evidence, thresholds.STILL_NEEDED * term.gain)
         if loss_without(best, term.term) > thresholds.NEEDS_NO_FIT * needed:
             continue
-        less = without_terms(problem, best, {term.term})
+        less = without_terms(problem, best, {term.term, *_twins(best, term.term) - named})
         if less is not None and less.cost - best.cost < needed:
             best, kept = less, [s for s in kept if s is not term]
     return best, kept
+
+
+def _twins(best: Fit, name: str) -> set[str]:
+    """The same term in other units."""
+    return {a.name for a in best.hypothesis.terms if a.name.split(".", 1)[1] == name.split(".", 1)[1]}
 
 
 def _shorter(problem: Problem, best: Fit, kept: Sequence[Selected]) -> list[Fit] | None:

@@ -34,7 +34,8 @@ Say = Callable[[str], None]
 class Outside:
     """The base model with one parameter beyond its tolerance, and listed terms beside it.
 
-    gain: cost that the parameter takes from the calibrated one. alike: listed terms that cannot be told from it.
+    gain: cost that the parameter takes from the calibrated one, or from the fit with what is beside it. alike: listed
+    terms that cannot be told from it.
     """
 
     selection: Selection
@@ -51,10 +52,13 @@ class Outside:
         """`component.parameter`"""
         return next(e.name for e in self.fit.hypothesis.effects if isinstance(e, FreeParameter))
 
-    def with_formula(self, found: Unmodelled) -> Outside:
-        """Beside what is on no list, and the listed terms that stay with it."""
-        history = [self.selection.history[0], found.fit]
-        return replace(self, selection=replace(self.selection, history=history, selected=found.selected))
+    def with_formula(self, problem: Problem, found: Unmodelled) -> Outside | None:
+        """Beside what is on no list, and the listed terms that stay with it. None: beside these it is not needed."""
+        gain = _needed(problem, found.fit)
+        if gain is None:
+            return None
+        selection = replace(self.selection, history=[self.selection.history[0], found.fit], selected=found.selected)
+        return Outside(selection, gain, ())
 
     def confidence(self, problem: Problem) -> float:
         """In the parameter: by the share that it takes, or by how little is left."""
@@ -123,9 +127,13 @@ def _beside(
     best = leaves_least(problem, explained, thresholds.WORTH * max(explained.chi2 - problem.samples, 0.0), tried=1)
     if best is None or not _leaves_less(problem, best, explained):
         return None
-    gain = explained.cost - best.cost
-    best, kept = kept_beside(problem, best, selected)
-    found = Outside(Selection([calibrated, best], kept), gain, ())
+    fewer, kept = kept_beside(problem, best, selected)
+    if not _leaves_less(problem, fewer, explained):
+        fewer, kept = best, list(selected)
+    gain = _needed(problem, fewer)
+    if gain is None:
+        return None
+    found = Outside(Selection([calibrated, fewer], kept), gain, ())
     say(f"{found.name} outside its tolerance leaves a third of what the terms leave")
     return found
 
@@ -161,6 +169,13 @@ def _freed(calibrated: Fit) -> list[Fit]:
         less = replace(hypothesis, base=others, effects=(*hypothesis.effects, free))
         found.append(replace(at, hypothesis=less, x=at.x[order], jacobian=np.asarray(at.jacobian[:, order])))
     return found
+
+
+def _needed(problem: Problem, outside: Fit) -> float | None:
+    """Cost that the parameter takes from all that is beside it. None: too little for a name."""
+    inside = held(problem, outside)
+    gain = inside.cost - outside.cost if inside is not None else np.inf
+    return gain if np.isfinite(gain) and gain >= problem.evidence else None
 
 
 def held(problem: Problem, outside: Fit) -> Fit | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,12 +12,13 @@ import pytest
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.engine import identify
 from cobot_joint.diagnosis.evaluation import backgrounds
-from cobot_joint.diagnosis.evaluation.background_count import Draws, counted, judge, tables
+from cobot_joint.diagnosis.evaluation.background_count import Draws, count, counted, judge, tables
 from cobot_joint.diagnosis.evaluation.backgrounds import CLOSE, LEVELS, OVER, FieldConcealer, FieldDrawn, Part
 from cobot_joint.diagnosis.evaluation.synthetic import Concealer
 from cobot_joint.diagnosis.findings import Diagnosis, Finding
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import Signals
+from cobot_joint.errors import UserError
 
 PATTERN = Path(__file__).parents[4] / "proof" / "open" / "case14" / "campaign.toml"
 
@@ -129,6 +131,14 @@ def test_the_tables_count_what_was_missed_and_what_was_false(machine: FieldDrawn
     assert "| 0.8 to 0.9 | 1 | 0 |" in text
     squares = [(hit["findings"][0]["confidence"] - 1) ** 2, 0.85**2, 1.0]
     assert f"{np.mean(squares):.3f}" in text
+
+
+def test_a_count_goes_on_with_its_own_machines_and_refuses_rows_of_others(tmp_path: Path) -> None:
+    out, draws = tmp_path / "backgrounds.jsonl", Draws(PATTERN, seed=4)
+    out.write_text(json.dumps({"k": 0, "draws": draws.to_json()}) + "\n")
+    assert [row["k"] for row in count(draws, out, 1, jobs=1)] == [0]
+    with pytest.raises(UserError, match="machine 0 was drawn otherwise"):
+        count(replace(draws, unlisted=0.5), out, 1, jobs=1)
 
 
 @pytest.mark.long

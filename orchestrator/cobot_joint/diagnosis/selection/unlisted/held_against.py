@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.estimation.effects import FreeParameter
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.selection.selection import Selection
@@ -14,7 +15,7 @@ from cobot_joint.diagnosis.selection.unlisted.unmodelled import (
     Unmodelled,
     acts_where,
     look_at_ports,
-    without_needless,
+    without_the_needless,
 )
 
 
@@ -63,20 +64,26 @@ def look_beside(problem: Problem, listed: Selection, say: Say) -> Unmodelled | N
     replace, where it leaves less.
 
     Beside all of them, what they leave has to stand out: a background is no effect. Where it does not, only ports of
-    their units are asked, for something to take their place.
+    their units are asked, for something to take their place; one term whose form is somewhat off stays the right name.
     """
-    stands_out = problem.stands_out(listed.fit.residual)
+    if not problem.unexplained(listed.fit.residual):
+        return None
+    stands_out, several = problem.stands_out(listed.fit.residual), len(listed.selected) > 1
     units = None if stands_out else _units(listed)
     least = thresholds.HOLDS if stands_out else thresholds.ALONE
     found = look_at_ports(problem, listed.fit, listed.selected, say, least, units)
     if found is None or not found.is_likely:
         return None
-    found = without_needless(problem, found)
-    replaces = len(found.selected) < len(listed.selected)
-    left, rest = remains(problem, listed.fit, found.fit)
-    if left > thresholds.TIMES_LESS * found.freedom * rest:
-        return found if stands_out or replaces else None
-    return replace(found, as_good=True) if replaces and left > found.freedom * rest else None
+    instead = without_the_needless(problem, found)
+    replaces = len(instead.selected) < len(listed.selected)
+    left, before, rest, beside = remains(problem, listed.fit, listed.history[0], instead.fit, found.fit)
+    proven = max(rest, 0.0 if stands_out or several else thresholds.NO_PROOF * before)
+    if replaces and left > thresholds.TIMES_LESS * found.freedom * proven:
+        return instead
+    if stands_out and left > thresholds.TIMES_LESS * found.freedom * beside:
+        return found
+    less = replaces and (stands_out or several) and left > found.freedom * rest
+    return replace(instead, as_good=True) if less else None
 
 
 def _units(listed: Selection) -> set[str]:
@@ -90,17 +97,19 @@ def look_beside_parameter(problem: Problem, outside: Selection, say: Say) -> Unm
     """Beside a base parameter outside its tolerance: in place of the listed terms that were selected beside it, where
     it leaves so much less, or beside them as well.
 
-    outside: the fit with the parameter alone, then those with terms; or, where terms were there before it, that with
-    both.
+    outside: the fit with the parameter alone, then those with terms; or, where terms were there before it, the base
+    model, then that with both.
     """
     start = outside.history[0]
-    if outside.selected and start.hypothesis.effects:
+    if outside.selected and start.hypothesis.effects and problem.unexplained(outside.fit.residual):
         alone = look_at_ports(problem, start, [], say, thresholds.ALONE)
         if alone and alone.is_likely and not acts_where(alone, start, {}):
             left, rest = remains(problem, outside.fit, alone.fit)
             if left > thresholds.TIMES_LESS * alone.freedom * rest:
                 return alone
-    return look_beside(problem, outside, say)
+    found = look_beside(problem, outside, say)
+    units = {e.component for e in outside.fit.hypothesis.effects if isinstance(e, FreeParameter)}
+    return None if found and found.finding.component in units else found
 
 
 def _in_place(problem: Problem, alone: Unmodelled | None, listed: Selection) -> Unmodelled | None:

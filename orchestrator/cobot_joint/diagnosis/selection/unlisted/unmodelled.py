@@ -286,7 +286,7 @@ def _weighed(problem: Problem, start: Fit, found: Fit, finding: Finding) -> Find
     return replace(finding, confidence=sure, where=where, gain=gained)
 
 
-def without_needless(problem: Problem, found: Unmodelled) -> Unmodelled:
+def without_the_needless(problem: Problem, found: Unmodelled) -> Unmodelled:
     """A formula without the listed terms that it makes needless: what they took as well."""
     shape = found.finding.shape
     if shape is None or not found.is_formula:
@@ -297,9 +297,11 @@ def without_needless(problem: Problem, found: Unmodelled) -> Unmodelled:
     if start is None:
         return found
     port = next(p for p in problem.plant.ports if p.name == shape.port)
-    form = _formula(problem, fit, port, [f.form for f in shape.features], shape.explains)
+    before, rest = remains(problem, start, fit)
+    taken = 1 - rest / max(before, 1e-9)
+    form = _formula(problem, fit, port, [f.form for f in shape.features], taken)
     finding = _weighed(problem, start, fit, replace(found.finding, shape=form))
-    return replace(found, fit=fit, selected=kept, finding=finding)
+    return Unmodelled(fit, kept, finding, taken)
 
 
 def _formula(problem: Problem, found: Fit, port: Port, forms: Sequence[Product], taken: float) -> Form:

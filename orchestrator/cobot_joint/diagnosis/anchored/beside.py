@@ -28,6 +28,7 @@ FAR = 5.99  # sigma of an innovation, as kalman.c limits it
 STEPS = 12  # onsets that are tried
 SILENT = 1e-3  # nats, below which a recording says nothing of an effect
 LOST = 0.005  # of the samples, from which on a filter has lost its way in a recording
+WORSE = 2.0  # times as many, from which on one tells less than another
 NEAR = 10  # samples about one that the filter could not follow, which say nothing either
 
 
@@ -114,13 +115,16 @@ class Beside:
 
     def gain_over(self, other: Beside) -> float:
         """How much more likely the same recordings are here than there: those in which neither filter loses its way, as
-        where an output rattles in its gap (all, if that is so in all), and of their blocks all but the best and worst.
+        where an output rattles in its gap (where that is so in all, those in which it is hardly worse than in the
+        best), and of their blocks all but the best and worst.
         """
-        every = {t.tracked.recording.name for t in self.trackings} & {t.tracked.recording.name for t in other.trackings}
-        lost = {t.tracked.recording.name for t in (*self.trackings, *other.trackings) if _lost(t) >= LOST}
-        both = every - lost or every
-        here, there = self._by_block(both), other._by_block(both)
-        return self.regression.price - other.regression.price + trimmed_sum(here - there)
+        here, there = ({t.tracked.recording.name: _lost(t) for t in each.trackings} for each in (self, other))
+        lost = {name: max(here[name], there[name]) for name in here.keys() & there.keys()}
+        best = min(lost.values(), default=0.0)
+        most = LOST if best < LOST else WORSE * best
+        both = {name for name, share in lost.items() if share < most}
+        more = self._by_block(both) - other._by_block(both)
+        return self.regression.price - other.regression.price + trimmed_sum(more)
 
     def _by_block(self, recordings: Collection[str]) -> Array:
         """Log likelihood of these recordings' innovations, parameters and background as fitted, but for a constant:

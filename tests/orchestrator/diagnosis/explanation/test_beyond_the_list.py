@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from cobot_joint.diagnosis import engine, thresholds
-from cobot_joint.diagnosis.anchored.search import Search
+from cobot_joint.diagnosis.anchored.search import Named, Search
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.engine import diagnose_plant
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm, FreeParameter
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.explanation import beyond_the_list as beyond
-from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
+from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.plant.correction import Factor, Product
 from cobot_joint.diagnosis.selection.outside import Outside
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
@@ -193,9 +195,13 @@ def test_a_term_and_a_form_are_not_looked_for_together_where(why: str, monkeypat
     assert "a formula and something beside it" not in found.left_out
 
 
-@pytest.mark.parametrize("stands_out", [True, False])
-def test_beside_what_the_motion_claims_a_formula_is_looked_for_where_free_runs_with_it_leave_what_stands_out(
-    stands_out: bool, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("names", "stands_out", "both"),
+    [(["axis.windage"], True, True), (["axis.windage"], False, False), (["axis.windage", "axis.d"], True, False)],
+    ids=["all that it names", "nothing stands out", "more than free runs have"],
+)
+def test_beside_what_the_motion_names_a_formula_is_looked_for_where_free_runs_with_it_leave_what_stands_out(
+    names: list[str], stands_out: bool, both: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Rough places of a motor beside a sensor's ripple (127, 7), 16 and 19 times the background, were missed."""
     claimed = Selected("axis.windage", 1e4)
@@ -208,14 +214,16 @@ def test_beside_what_the_motion_claims_a_formula_is_looked_for_where_free_runs_w
         fit = replace(listed.fit, hypothesis=on, x=np.append(listed.fit.x, active.start()))
         return replace(fit, jacobian=np.ones((len(fit.residual), len(fit.x)))), [claimed]
 
-    named = property(lambda self: True)
+    search = Search(named=[cast(Named, SimpleNamespace(name=name, alike=())) for name in names])
     monkeypatch.setattr(beyond, "can_follow", lambda campaign, plant: True)
-    monkeypatch.setattr(beyond, "follow", lambda campaign, plant, say, in_runs, start: Search())
+    monkeypatch.setattr(beyond, "follow", lambda campaign, plant, say, in_runs, start: search)
+    monkeypatch.setattr(engine, "anchored_diagnosis", lambda search, units: Diagnosis("explained", [], {}, {}))
+    monkeypatch.setattr(engine, "in_free_runs", lambda problem, found, *_: found)
     monkeypatch.setattr(beyond, "look_for_unmodelled", lambda *_: None)
     monkeypatch.setattr(beyond, "beside_listed", with_windage)
     monkeypatch.setattr(beyond, "look_beside", lambda problem, at, say: Unmodelled(at.fit, at.selected, finding, 0.9))
-    monkeypatch.setattr(Search, "claims", named)
+    monkeypatch.setattr(Search, "claims", property(lambda self: True))
     monkeypatch.setattr(Search, "supports", lambda self, name: 0.9)
     monkeypatch.setattr(Problem, "stands_out", lambda self, residual: stands_out)
     found = diagnose_plant(drifting(), Axis())
-    assert {f.term for f in found.findings} == ({claimed.term, FORMULA} if stands_out else set())
+    assert {f.term for f in found.findings} == ({claimed.term, FORMULA} if both else set())

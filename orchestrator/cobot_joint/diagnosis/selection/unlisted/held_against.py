@@ -15,7 +15,7 @@ from cobot_joint.diagnosis.selection.unlisted.unmodelled import (
     Unmodelled,
     acts_where,
     look_at_ports,
-    without_the_needless,
+    without_what_it_replaces,
 )
 
 
@@ -74,7 +74,7 @@ def look_beside(problem: Problem, listed: Selection, say: Say) -> Unmodelled | N
     found = look_at_ports(problem, listed.fit, listed.selected, say, least, units)
     if found is None or not found.is_likely:
         return None
-    instead = without_the_needless(problem, found)
+    instead = without_what_it_replaces(problem, found)
     replaces = len(instead.selected) < len(listed.selected)
     left, before, rest, beside = remains(problem, listed.fit, listed.history[0], instead.fit, found.fit)
     proven = max(rest, 0.0 if stands_out or several else thresholds.NO_PROOF * before)

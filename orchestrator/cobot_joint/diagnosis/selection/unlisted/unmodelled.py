@@ -286,7 +286,7 @@ def _weighed(problem: Problem, start: Fit, found: Fit, finding: Finding) -> Find
     return replace(finding, confidence=sure, where=where, gain=gained)
 
 
-def without_the_needless(problem: Problem, found: Unmodelled) -> Unmodelled:
+def without_what_it_replaces(problem: Problem, found: Unmodelled) -> Unmodelled:
     """A formula without the listed terms that it makes needless: what they took as well."""
     shape = found.finding.shape
     if shape is None or not found.is_formula:

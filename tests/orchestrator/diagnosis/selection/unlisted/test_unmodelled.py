@@ -128,7 +128,7 @@ def test_a_formula_beside_several_terms_is_held_against_the_one_that_it_makes_ne
 
     monkeypatch.setattr(held_against, "look_at_ports", look)
     kept = terms[:1] if needless else terms
-    monkeypatch.setattr(held_against, "without_the_needless", lambda problem, found: replace(found, selected=kept))
+    monkeypatch.setattr(held_against, "without_what_it_replaces", lambda problem, found: replace(found, selected=kept))
     found = look_beside(problem, Selection(fits, terms), lambda words: None)
     beside = answer == "in its place" and size > thresholds.LEFT_SIGMA
     assert (found is not None) == (answer != "none" if needless else beside)

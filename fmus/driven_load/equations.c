@@ -19,7 +19,8 @@ static void unit_equations(Unit *m) {
   const double lead = m->body_lead, mass = m->body_m, r = m->body_r;
   const double w = speed(m);
 
-  m->tau_g = mass * m->gravity_g * (r * sin(m->phi + m->gravity_phi_0) + lead * sin(m->gravity_slope));
+  const double slope = lead != 0 ? lead * sin(m->gravity_slope) : 0;
+  m->tau_g = mass != 0 ? mass * m->gravity_g * (r * sin(m->phi + m->gravity_phi_0) + slope) : 0;
   m->tau_f = friction(m, w, 0);
   if (m->viscous_asymmetry_d_A != 0) m->tau_f += fmax(m->viscous_asymmetry_d_A * copysign(1, w), -viscous(m, w)) * w;
 

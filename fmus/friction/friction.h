@@ -31,6 +31,11 @@ static inline double sliding_friction(const Unit *m, double w, double direction,
   return positive(sliding);
 }
 
+/* whether anything depends on the direction */
+static inline bool has_dry_friction(const Unit *m, double tau_C) {
+  return tau_C != 0 || m->stribeck_tau_S != 0 || m->friction_asymmetry_tau_A != 0;
+}
+
 #ifdef FRICTION_STICKS
 static inline bool sticks(const Unit *m) { return m->friction_law == STICK; }
 static inline bool held_by_friction(const Unit *m) { return sticks(m) && m->sliding[0] == 0; }
@@ -48,11 +53,11 @@ static inline void stick_indicators(const Unit *m, double w, double applied, dou
 
 /* tau_load: what the load adds to the Coulomb friction */
 static inline double friction(Unit *m, double w, double tau_load) {
-  double direction = sgn(w, m->friction_w_C);
+  const double share = m->presliding_share, tau_C = m->friction_tau_C + tau_load;
+  double direction = has_dry_friction(m, tau_C) ? sgn(w, m->friction_w_C) : 0;
 #ifdef FRICTION_STICKS
   if (sticks(m)) direction = m->sliding[0];
 #endif
-  const double share = m->presliding_share, tau_C = m->friction_tau_C + tau_load;
   double tau = sliding_friction(m, w, direction, tau_C) * direction + viscous(m, w) * w;
   if (m->windage_c != 0) tau += m->windage_c * w * fabs(w);
 

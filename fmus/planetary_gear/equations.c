@@ -43,6 +43,7 @@ static inline double angle_error(const Unit *m, double *slope) {
   const double phi_0[4] = {m->transmission_error_phi_0, m->mesh_error_1_phi_0, m->mesh_error_2_phi_0,
                            m->mesh_error_3_phi_0};
   for (int k = 0; k < 4; k++) {
+    if (A[k] == 0) continue;
     error += A[k] * sin(n[k] * m->phi_o + phi_0[k]);
     *slope += A[k] * n[k] * cos(n[k] * m->phi_o + phi_0[k]);
   }
@@ -73,9 +74,9 @@ static inline double output_share(const Unit *m) {
  * That gives power away for -p_1 < p < 0, tanh(p_1) = (1 - eta)/(1 + eta): there the mesh is ideal instead, and from
  * there on the loss rises to eq. 2.26 at p_1. A negative mu takes from the loss, at most all of it. */
 static inline double over_ideal(const Unit *m, double tau_g) {
-  if (tau_g == 0) return 1;
+  if (tau_g == 0 || (m->mesh_eta == 1 && m->load_friction_mu >= 0)) return 1;
   const double eta = m->mesh_eta, p = copysign(1, m->N[0]) * tau_g * m->w / m->mesh_P_0, p_1 = m->p_1[0];
-  const double forward = (1 + tanh(p)) / 2, f = forward / eta + (1 - forward) * eta;
+  const double forward = (1 + tanh_by_exp(p)) / 2, f = forward / eta + (1 - forward) * eta;
   double loss = p < 0 ? positive(1 - f) : p < p_1 ? (f - 1) * p / p_1 : f - 1;
   if (m->load_friction_mu < 0) loss = positive(loss + m->load_friction_mu * fabs(sgn(m->w, m->friction_w_C)));
   return p < 0 ? 1 - loss : 1 + loss;

@@ -39,6 +39,15 @@ def test_base_is_coulomb_and_viscous(make: Make, name: str, w: float) -> None:
 
 
 @pytest.mark.parametrize("name", UNITS)
+@pytest.mark.parametrize("w", [1e-12, 1e-6, 1e-3, 3.0, 19.9, 20.1, 1e5, 1e300])
+def test_the_smoothed_sign_is_tanh_to_rounding_and_odd(make: Make, name: str, w: float) -> None:
+    only_dry = {"friction.d": 0.0, "friction.w_C": 1.0}
+    ahead, back = (friction(at(make, name, v, only_dry)) for v in (w, -w))
+    assert ahead == pytest.approx(TAU_C[name] * np.tanh(w), rel=1e-12, abs=3e-16 * TAU_C[name])
+    assert back == -ahead
+
+
+@pytest.mark.parametrize("name", UNITS)
 @pytest.mark.parametrize("w", SPEEDS)
 def test_stribeck_falls_with_speed(make: Make, name: str, w: float) -> None:
     term = {"stribeck.tau_S": 4e-4, "stribeck.w_S": 50.0}

@@ -16,6 +16,7 @@ from cobot_joint.diagnosis.estimation.problem import Run, Vector
 from cobot_joint.diagnosis.plant.plant import PROBE, Parameter, Port, ScannedShape, TermCandidate
 
 REACH = 0.15  # of a pulse's length, by which one fit may move its times
+FARTHEST_OFF = 10.0  # times an end of its tolerance: beyond, a value is no data sheet's mistake, and may be stiff
 EDGE = 2e-3  # s by which a time is moved for a difference quotient: a few samples
 
 
@@ -103,7 +104,7 @@ class BaseParameter:
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """A parameter of the base model as far as its unit lets it, tolerance or not."""
+    """A parameter of the base model beyond its tolerance, as far as its unit lets it and a data sheet is ever off."""
 
     base: BaseParameter
     value: float
@@ -121,9 +122,17 @@ class FreeParameter:
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
         """One: -1 and 1 are the ends of the tolerance still."""
-        (c,), p = self.base.coordinates, self.base.parameter
-        lower, upper = ((end - c.start) / c.scale for end in (p.lower, p.upper))
+        (c,) = self.base.coordinates
+        lower, upper = ((end - c.start) / c.scale for end in self.bounds)
         return (replace(c, lower=lower, upper=upper, kind="linear"),)
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """The unit's, but at most `FARTHEST_OFF` times the tolerance's ends: a rotor without inertia is none."""
+        base, p = self.base, self.base.parameter
+        lower = base.lower / FARTHEST_OFF if base.lower > 0 else p.lower
+        upper = base.upper * FARTHEST_OFF if base.upper > 0 else p.upper
+        return max(lower, p.lower), min(upper, p.upper)
 
     def start(self) -> Vector:
         """Its own value."""
@@ -136,8 +145,8 @@ class FreeParameter:
 
     def at(self, x: Vector) -> FreeParameter:
         """At the value that was found."""
-        (c,), p = self.coordinates, self.base.parameter
-        return replace(self, value=_inside(c.start + c.scale * float(x[0]), p.lower, p.upper))
+        (c,) = self.coordinates
+        return replace(self, value=_inside(c.start + c.scale * float(x[0]), *self.bounds))
 
 
 @dataclass(frozen=True)

@@ -68,7 +68,7 @@ class Outside:
         return beside_background(self.gain / (self.gain + left)) if much else confidence(self.gain, excess)
 
     def finding(self, problem: Problem, calibrated: Fit, repaired: Mapping[str, Estimate]) -> Finding:
-        """As a diagnosis says it. No claim where it ends at what its unit allows, and that is not enough: a brake
+        """As a diagnosis says it. No claim where it ends as far off as it may be, and that is not enough: a brake
         without torque stood in for a stiffness that gave way (109, 28). repaired: parameters as they were fitted.
         """
         short = repaired[self.name].at and problem.stands_out(self.fit.residual)
@@ -163,7 +163,7 @@ def _freed(calibrated: Fit) -> list[Fit]:
             continue
         free = FreeParameter(base, c.start + c.scale * float(at.x[k]))
         if free.coordinates[0].lower > c.lower - AT_BOUND and free.coordinates[0].upper < c.upper + AT_BOUND:
-            continue  # its unit allows no more
+            continue  # it may go no farther
         order = [*(j for j in range(count) if j != k), k]
         others = tuple(other for other in hypothesis.base if other is not base)
         less = replace(hypothesis, base=others, effects=(*hypothesis.effects, free))

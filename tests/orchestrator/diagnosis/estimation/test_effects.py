@@ -12,6 +12,7 @@ from cobot_joint.diagnosis.estimation.effects import (
     ActiveTerm,
     BaseParameter,
     Effect,
+    FreeParameter,
     LoadPulse,
     PortSignal,
     StepOffset,
@@ -52,6 +53,23 @@ def test_an_effect_settled_at_a_point_is_what_it_was_at_that_point(effect: Effec
     settled = effect.at(x)
     if not isinstance(effect, BaseParameter):  # whose coordinate stays that of its tolerance
         same(effect.apply(Run(), x), settled.apply(Run(), settled.start()))
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "allowed", "ends"),
+    [
+        ((2e-5, 1e-4), (1e-12, np.inf), (2e-6, 1e-3)),  # a rotor without inertia had a run take twenty times as long
+        ((0.0, 0.02), (0.0, 0.1), (0.0, 0.1)),
+        ((-3.0, -1.0), (-5.0, 5.0), (-5.0, 5.0)),
+    ],
+)
+def test_a_parameter_beyond_its_tolerance_goes_ten_times_as_far_at_most(
+    tolerance: tuple[float, float], allowed: tuple[float, float], ends: tuple[float, float]
+) -> None:
+    free = FreeParameter(BaseParameter(Parameter("motor.rotor.J", 6e-5, "kg.m2", *allowed), *tolerance), 6e-5)
+    assert free.bounds == pytest.approx(ends)
+    (c,) = free.coordinates
+    assert (c.start + c.scale * c.lower, c.start + c.scale * c.upper) == pytest.approx(ends)
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=IDS)

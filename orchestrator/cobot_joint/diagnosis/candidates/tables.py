@@ -9,7 +9,7 @@ import numpy as np
 
 from cobot_joint.diagnosis.candidates.formulas import Dictionary, Local, sign
 from cobot_joint.diagnosis.estimation.fit import Fit
-from cobot_joint.diagnosis.estimation.port_response import Choice, Column, respond
+from cobot_joint.diagnosis.estimation.port_response import Choice, Column, respond, respond_if_promising
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 from cobot_joint.diagnosis.estimation.projection import Projection
 from cobot_joint.diagnosis.plant.correction import TIME
@@ -57,11 +57,19 @@ class Table:
 
 
 def look_for_table(
-    problem: Problem, start: Fit, ports: Sequence[Port], say: Callable[[str], None], only_speeds: bool = False
+    problem: Problem,
+    start: Fit,
+    ports: Sequence[Port],
+    say: Callable[[str], None],
+    speeds_that_take: float | None = None,
 ) -> Table | None:
-    """The table that takes most at any of the ports; None: no signal there moves."""
+    """The table that takes most at any of the ports; None: no signal there moves.
+
+    speeds_that_take: only tables over speeds, and of them those that take this share of what is above noise in the
+    recordings one by one.
+    """
     above = max(problem.excess(start.residual), start.chi2 - problem.samples, 1e-9)
-    arguments = over_speed if only_speeds else over_any
+    arguments = over_any if speeds_that_take is None else over_speed
     outputs = problem.outputs(start.run, list(dict.fromkeys(s for port in ports for s in port.signals)))
     best: tuple[float, Dictionary, int] | None = None
     for port in ports:
@@ -70,7 +78,7 @@ def look_for_table(
         for number, argument in enumerate(arguments(dictionary, COARSE)):
             if best is not None and best[0] >= ENOUGH * above:
                 break
-            table = _fitted(problem, start, dictionary, argument)
+            table = _fitted(problem, start, dictionary, argument, speeds_that_take)
             if table is not None and (best is None or table.choice.gain > best[0]):
                 best = table.choice.gain, dictionary, number
     if best is None:
@@ -105,13 +113,19 @@ def _over(dictionary: Dictionary, names: Sequence[str], count: int) -> list[Argu
     return found
 
 
-def _fitted(problem: Problem, start: Fit, dictionary: Dictionary, argument: Argument) -> Table | None:
-    """As smooth as it can be without losing more than a little of what it takes. None: the port answers to nothing."""
+def _fitted(
+    problem: Problem, start: Fit, dictionary: Dictionary, argument: Argument, least: float | None = None
+) -> Table | None:
+    """As smooth as it can be without losing more than a little of what it takes. None: the port answers to nothing, or
+    takes less than that share of what is above noise."""
     hats = {recording: argument.hats(k) for recording, k in dictionary.locals.items()}
     count = len(next(iter(hats.values())))
     features = {k: {r: h[k] for r, h in hats.items()} for k in range(count)}
     moving = {k: v for k, v in features.items() if any(np.any(x != 0) for x in v.values())}
-    columns = respond(problem, start, dictionary.port, moving)
+    if least is None:
+        columns = respond(problem, start, dictionary.port, moving)
+    else:
+        columns = respond_if_promising(problem, start, dictionary.port, moving, least, least)
     if not columns:
         return None
     gain, coefficients = _smoothest(Projection(start, [c.vector for c in columns]), columns)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
@@ -12,6 +12,7 @@ from cobot_joint.diagnosis.estimation.effects import PortSignal
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
+from cobot_joint.diagnosis.estimation.projection import Projection
 from cobot_joint.diagnosis.plant.plant import PROBE, Port
 
 Form = TypeVar("Form")
@@ -79,6 +80,50 @@ def respond(
         for (form, values), f, size in zip(features.items(), found, sizes, strict=True)
         if f is not None
     ]
+
+
+def respond_if_promising(
+    problem: Problem,
+    start: Fit,
+    port: Port,
+    features: Mapping[Form, Mapping[str, Vector]],
+    least: float,
+    together: float,
+) -> list[Column[Form]]:
+    """`respond` in all recordings, one by one, the one with most above noise first. Empty: they fall short.
+
+    Physics is there in every part of the recordings: features that do not take there what they would have to take of
+    all are no answer, and the others need not be simulated. least: share of what the first recording has above noise;
+    together: of what all asked so far have, all that was fitted free in those.
+    """
+    above = problem.above_noise(start.residual)
+    found: list[Column[Form]] = []
+    asked: list[int] = []
+    for n in np.argsort(-above, kind="stable").tolist():
+        if not problem.plant.has(port.name, problem.recordings[n]):
+            if not asked:  # most lies where the port is not
+                return []
+            continue
+        here = respond(problem, start, port, features, only=n)
+        found = _added(found, here) if asked else here
+        asked.append(n)
+        needed = together if len(asked) > 1 else max(least, together)
+        if above[n] > 0 and _taken(problem, start, found, asked) < needed * float(np.sum(above[asked])):
+            return []
+    return found
+
+
+def _taken(problem: Problem, start: Fit, columns: Sequence[Column[Form]], recordings: Sequence[int]) -> float:
+    """Chi-square of these recordings that the columns take together, all that was fitted free there."""
+    rows = problem.rows_of(recordings)
+    there = replace(start, residual=start.residual[rows], jacobian=start.jacobian[rows])
+    return Projection(there, [c.vector[rows] for c in columns]).together
+
+
+def _added(some: Sequence[Column[Form]], others: Sequence[Column[Form]]) -> list[Column[Form]]:
+    """Responses of the forms that both have, in the recordings of both."""
+    by_form = {c.form: c for c in others}
+    return [replace(c, vector=c.vector + by_form[c.form].vector) for c in some if c.form in by_form]
 
 
 def refit(problem: Problem, start: Fit, choice: Choice[Form]) -> Fit | None:

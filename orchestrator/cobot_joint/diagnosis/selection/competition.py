@@ -19,7 +19,8 @@ from cobot_joint.diagnosis.estimation.multiscale import out_of_local_minimum
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 
 FITTED = 4  # candidates of a ranking that are fitted with everything else free
-SIZES = (0.3, 1.0, 3.0, 10.0)  # multiples of the score test's amplitude that a fit may start from
+SIZES = (0.3, 1.0, 3.0)  # multiples of the score test's amplitude that a fit may start from
+LARGER = 10.0  # the same, where the largest of these does best: runs far from the data are the slowest
 FINISHED = 2  # of the candidates, that are fitted to the end
 ONSET = 1e-3  # s; to which an onset is refined
 ROUGH = Precision(settled=20.0, roughly=0.01, steps=10, jacobians=0)  # of fits that only compete
@@ -124,19 +125,29 @@ class Competition:
         All else as it is. Sensitivities at zero mislead far from it. A run with a term that sets in later is taken for
         the one without it until then, and from then on for the one with it.
         """
-        tried = [scaled(active, k) for k in SIZES]
+        tried = self._as_they_are(best, [scaled(active, k) for k in SIZES])
+        if tried[-1] is min(tried, key=itemgetter(0)):
+            tried += self._as_they_are(best, [scaled(active, LARGER)])
+        _, cost, found = min(tried, key=itemgetter(0))
+        return found, cost
+
+    def _as_they_are(self, best: Fit, terms: Sequence[ActiveTerm]) -> list[tuple[float, float, ActiveTerm]]:
+        """(chi-square and what an onset has to be worth, chi-square, the term from then on), all else as it is."""
         at = best.settled()
-        runs = [at.hypothesis.with_effects(a).run(np.concatenate([at.x, a.start()])) for a in tried]
-        found = [None if f is None else self.problem.recorded - f.white for f in self.problem.simulate(runs)]
-        costs = [np.inf if rest is None else float(rest @ rest) for rest in found]
-        lowest = int(np.argmin(costs))
-        if not self.problem.onsets or active.term.episode or active.onset is not None:
-            return tried[lowest], costs[lowest]
-        without = self.problem.recorded - at.simulated.white
-        late = [(*self._best_onset(without, rest), a) for rest, a in zip(found, tried, strict=True) if rest is not None]
-        cost, onset, later = min(late, key=itemgetter(0), default=(np.inf, 0.0, active))
-        least = max(thresholds.LATER, thresholds.WORTH * (cost - self.problem.samples))
-        return (replace(later, onset=onset), cost) if cost + least < costs[lowest] else (tried[lowest], costs[lowest])
+        runs = [at.hypothesis.with_effects(a).run(np.concatenate([at.x, a.start()])) for a in terms]
+        without, found = self.problem.recorded - at.simulated.white, []
+        for active, simulated in zip(terms, self.problem.simulate(runs), strict=True):
+            if simulated is None:
+                found.append((np.inf, np.inf, active))
+                continue
+            rest = self.problem.recorded - simulated.white
+            cost = float(rest @ rest)
+            found.append((cost, cost, active))
+            if self.problem.onsets and not active.term.episode and active.onset is None:
+                later, onset = self._best_onset(without, rest)
+                least = max(thresholds.LATER, thresholds.WORTH * (later - self.problem.samples))
+                found[-1] = min(found[-1], (later + least, later, replace(active, onset=onset)), key=itemgetter(0))
+        return found
 
     def _best_onset(self, without: Vector, with_it: Vector) -> tuple[float, float]:
         """(chi-square, onset) of the best of the borders between segments. Both: residuals."""

@@ -9,11 +9,12 @@ import pytest
 
 from cobot_joint.diagnosis.candidates.formulas import Dictionary
 from cobot_joint.diagnosis.candidates.score_test import Scan, scores
+from cobot_joint.diagnosis.candidates.tables import COARSE, look_for_table
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.estimation.calibrate import calibrate
 from cobot_joint.diagnosis.estimation.problem import FEW
 from cobot_joint.diagnosis.selection.some_recordings import some_of
-from cobot_joint.diagnosis.selection.unlisted.promising import promising
+from cobot_joint.diagnosis.selection.unlisted.unmodelled import first_forms
 from cobot_joint.diagnosis.store import Store
 from tests.orchestrator.diagnosis.axis import NOISE, OFF, SAMPLES, Axis, campaign
 
@@ -54,8 +55,8 @@ def test_few_recordings_are_all_asked() -> None:
     assert some_of(problem, calibrated) == (problem, calibrated)
 
 
-@pytest.mark.parametrize(("together", "kept"), [(0.0, 1), (0.8, 0)])
-def test_beside_a_background_forms_have_to_fit_all_recordings_that_are_asked(together: float, kept: int) -> None:
+@pytest.mark.parametrize(("together", "kept"), [(0.0, True), (0.8, False)])
+def test_beside_a_background_forms_have_to_fit_all_recordings_that_are_asked(together: float, kept: bool) -> None:
     """A torque that a form follows in either run, but by another size in each."""
     case, rng = campaign(OFF), np.random.default_rng(1)
     for recording, size in zip(case.recordings, (2e-3, -3e-3), strict=True):
@@ -65,5 +66,17 @@ def test_beside_a_background_forms_have_to_fit_all_recordings_that_are_asked(tog
             clean = Axis().simulate(OFF, recording, added={"axis.tau_add": tau})
         recording.outputs["w"] = clean["w"] + rng.normal(0, NOISE, SAMPLES)
     problem, calibrated = calibrate(case, Axis(), lambda words: None, Store(None))
-    every = [Dictionary(problem, calibrated, Axis.ports[0])]
-    assert len(promising(problem, calibrated, every, 0.5, together)) == kept
+    columns = first_forms(problem, calibrated, Dictionary(problem, calibrated, Axis.ports[0]), together)
+    assert bool(columns) == kept
+
+
+def test_a_table_over_a_speed_that_falls_short_in_one_recording_is_not_simulated_in_the_others() -> None:
+    """Of thirteen recordings all were, at nine ports: twenty seconds of XL330's two minutes, for nothing."""
+    case = many(FEW)
+    for recording in case.recordings:  # what no table over a speed follows
+        recording.outputs["w"] = recording.outputs["w"] + np.sin(7 * recording.time)
+    problem, calibrated = calibrate(case, Axis(), lambda words: None, Store(None))
+    before = problem.runs
+    assert look_for_table(problem, calibrated, Axis.ports, lambda words: None, speeds_that_take=0.5) is None
+    outputs, tables = len(case.recordings), COARSE * len(Axis.ports)
+    assert problem.runs - before <= outputs + tables

@@ -61,6 +61,16 @@ def test_a_fit_may_start_from_the_multiple_of_an_amplitude_and_the_onset_that_fi
     assert chi2 < known.chi2 / 2
 
 
+@pytest.mark.parametrize(("share", "runs"), [(1.0, 3), (0.1, 4)])
+def test_ten_times_an_amplitude_is_simulated_only_where_three_times_does_best(share: float, runs: int) -> None:
+    """At ten times its friction a drive stood still, by runs that took a hundred times as long."""
+    problem, base = refitted(campaign(TRUE))
+    before = problem.runs
+    sized, _ = Competition(problem).sized(base, ActiveTerm(COGGING, TRUE | {"axis.cogging.A": share * 6e-3}))
+    assert sized.values["axis.cogging.A"] == pytest.approx(6e-3)
+    assert problem.runs - before == runs * len(problem.recordings)
+
+
 def test_a_term_that_a_later_one_made_needless_goes() -> None:
     problem, base = refitted(campaign(TRUE))
     patched = fit_added(problem, base, [ActiveTerm(ASYMMETRY, {"axis.asymmetry.tau_A": 1e-4})], Precision())

@@ -17,6 +17,7 @@ from cobot_joint.diagnosis.estimation.port_response import (
     indistinguishable_ports,
     refit,
     respond,
+    respond_if_promising,
     same_direction,
     without_signal,
 )
@@ -32,7 +33,6 @@ from cobot_joint.diagnosis.selection.selection import Selected
 from cobot_joint.diagnosis.selection.stepwise import share
 from cobot_joint.diagnosis.selection.unlisted.formula import forward
 from cobot_joint.diagnosis.selection.unlisted.late_onset import look_late
-from cobot_joint.diagnosis.selection.unlisted.promising import promising
 from cobot_joint.diagnosis.selection.unlisted.remains import remains
 
 CLOSER = 3  # times that forms are chosen beside those found, where these leave what stands out
@@ -188,7 +188,7 @@ def _over_a_speed(problem: Problem, start: Fit, answer: Answer, say: Say) -> Unm
     """A table over a unit's own speed, where a few forms fall short of what stands out: a resonance is none of them."""
     if not problem.stands_out(start.residual):
         return None
-    table = look_for_table(problem, start, problem.plant.ports, say, only_speeds=True)
+    table = look_for_table(problem, start, problem.plant.ports, say, speeds_that_take=thresholds.HOLDS)
     much = table is not None and table.choice.gain > thresholds.ALONE * (start.chi2 - problem.samples)
     return answer(table.choice, table=table) if table is not None and much else None
 
@@ -225,10 +225,18 @@ def pointed_to(problem: Problem, start: Fit, least: float, units: Collection[str
     between: dict[str, float | None] = {}
     every = [d for port in ports if (d := Dictionary(problem, start, port, outputs, between)).locals]
     places = []
-    for dictionary, columns in promising(problem, start, every, thresholds.HOLDS, min(least, thresholds.ALONE)):
+    for dictionary in every:
+        columns = first_forms(problem, start, dictionary, min(least, thresholds.ALONE))
+        if not columns:
+            continue
         points = Projection(start, [c.vector for c in columns]).inside
         places.append(Place(dictionary.port, dictionary, points, columns, forward(problem, start, columns)))
     return _distinguishable(sorted(places, key=lambda place: -place.points))
+
+
+def first_forms(problem: Problem, start: Fit, dictionary: Dictionary, together: float) -> list[Column[Product]]:
+    """Responses of the first forms at a port; empty: they take too little. together: see respond_if_promising."""
+    return respond_if_promising(problem, start, dictionary.port, dictionary.first(), thresholds.HOLDS, together)
 
 
 def _distinguishable(places: Sequence[Place]) -> list[Place]:

@@ -12,7 +12,8 @@ from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import fit
-from cobot_joint.diagnosis.estimation.problem import Noise, Problem, Vector
+from cobot_joint.diagnosis.estimation.noise import Noise
+from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.system.read import load_system
 

@@ -14,7 +14,8 @@ import numpy as np
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.campaign_file import Logged
 from cobot_joint.diagnosis.data.recording import Recording
-from cobot_joint.diagnosis.estimation.problem import Noise, Vector
+from cobot_joint.diagnosis.estimation.noise import Noise
+from cobot_joint.diagnosis.estimation.problem import Vector
 from cobot_joint.diagnosis.plant.correction import formula_parameters, table_parameters
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import Plant

@@ -19,7 +19,8 @@ from cobot_joint.diagnosis.engine import diagnose_plant, identify
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, bounded_step, fit
-from cobot_joint.diagnosis.estimation.problem import Noise, Problem
+from cobot_joint.diagnosis.estimation.noise import Noise
+from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.explanation import explanation
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding
 from cobot_joint.diagnosis.plant.plant import Plant, Signals

@@ -20,7 +20,8 @@ from cobot_joint.diagnosis.estimation.effects import BaseParameter
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
 from cobot_joint.diagnosis.estimation.least_squares import fit
-from cobot_joint.diagnosis.estimation.problem import SMOOTH, Noise, Problem, Simulated
+from cobot_joint.diagnosis.estimation.noise import Noise
+from cobot_joint.diagnosis.estimation.problem import SMOOTH, Problem, Simulated
 from cobot_joint.diagnosis.findings import Diagnosis, Finding
 from cobot_joint.diagnosis.frequency.ranking import start
 from cobot_joint.diagnosis.frequency.readings import Reading, choose

@@ -41,9 +41,11 @@ class Averaged(Problem):
             row += len(weight)
         self.rows = row
 
-    def whiten(self, outputs: list[Mapping[str, Vector]]) -> Vector:  # type: ignore[override]
-        """See Problem.whiten: (rows,)"""
-        return self.of(self.fine.whiten(outputs))
+    def whiten_one(self, n: int, outputs: Mapping[str, Vector]) -> Vector:
+        """See Problem.whiten_one."""
+        rows, own = self.fine.whiten_one(n, outputs), [b for b in self.fine.blocks if b.recording == n]
+        parts = np.split(rows, [b.rows.stop - own[0].rows.start for b in own[:-1]])
+        return np.concatenate([_means(part, self.window) for part in parts]) * np.sqrt(self.window)
 
     def of(self, rows: Vector) -> Vector:
         """Rows of the problem itself, (n,) or (n, k), averaged: (rows,) or (rows, k)"""

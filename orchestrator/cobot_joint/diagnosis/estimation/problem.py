@@ -16,6 +16,7 @@ from threadpoolctl import threadpool_limits
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.budget import Budget
 from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.estimation.noise import Gaps, Noise
 from cobot_joint.diagnosis.plant.plant import Plant, Signals, SimulationError
 
 Vector = NDArray[np.float64]
@@ -26,45 +27,7 @@ ROUGH, SMOOTH = 0.15, 0.02  # impacts in a gap make single runs rough; amplitude
 
 
 Key = tuple[frozenset[tuple[str, float]], frozenset[tuple[str, float]]]
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Of a channel: 1 sigma in all, lag-1 autocorrelation; the converter's step: its rounding is white."""
-
-    sigma: float
-    colour: float = 0.0
-    step: float = 0.0
-
-    @property
-    def filter(self) -> tuple[float, float, float]:
-        """(rho, theta, sigma of the innovation): (1 - rho B) y = (1 + theta B) e, noise and white rounding."""
-        rounding = min(self.step**2 / 12, 0.5 * self.sigma**2)
-        first = self.sigma**2 - rounding
-        rho = float(np.clip(self.colour * self.sigma**2 / first, 0.0, 0.95))
-        g0, g1 = first * (1 - rho**2) + (1 + rho**2) * rounding, -rho * rounding
-        if g1 == 0:
-            return rho, 0.0, float(np.sqrt(g0))
-        theta = (g0 - np.sqrt(g0**2 - 4 * g1**2)) / (2 * g1)  # the invertible root of g1 theta^2 - g0 theta + g1 = 0
-        return rho, float(theta), float(np.sqrt(g1 / theta))
-
-    def sigma_after(self, steps: Vector) -> Vector:
-        """1 sigma of what a sample is off from its prediction by the one that came so many steps before: like steps."""
-        first = self.sigma**2 - min(self.step**2 / 12, 0.5 * self.sigma**2)
-        r2 = self.filter[0] ** (2 * steps)
-        return np.asarray(np.sqrt(self.sigma**2 * (1 + r2) - 2 * r2 * first))
-
-    def draw(self, n: int, rng: np.random.Generator) -> Vector:
-        """Such noise before it is rounded, stationary from the first sample on: (n,)"""
-        sigma = np.sqrt(max(self.sigma**2 - self.step**2 / 12, 0.0))
-        first = rng.normal(0, sigma)
-        drawn = np.concatenate([[first], np.sqrt(1 - self.colour**2) * rng.normal(0, sigma, n - 1)])
-        return np.asarray(lfilter([1.0], [1.0, -self.colour], drawn))
-
-    def on(self, y: Vector, rng: np.random.Generator) -> Vector:
-        """A signal as it is recorded, (n,): with noise, in steps of the converter."""
-        noisy = y + self.draw(len(y), rng)
-        return self.step * np.round(noisy / self.step) if self.step else noisy
+Part = tuple[Signals, Vector]  # of one recording: outputs, and these whitened
 
 
 @dataclass(frozen=True)
@@ -118,32 +81,6 @@ class Block:
     weight: NDArray[np.float64]  # 0 where not recorded
 
 
-@dataclass(frozen=True)
-class Gaps:
-    """Where a channel was not recorded.
-
-    since: samples since the last that was recorded, 0: this one; before the first more than there are. resumes: which
-    follow on a gap.
-    """
-
-    since: Vector
-    resumes: NDArray[np.intp]
-
-    @staticmethod
-    def of(known: NDArray[np.bool_]) -> Gaps:
-        """known: (n,)"""
-        count = np.arange(len(known))
-        since = count - np.maximum.accumulate(np.where(known, count, -len(known)))
-        return Gaps(since.astype(float), np.flatnonzero(known[1:] & ~known[:-1]) + 1)
-
-    def bridged(self, y: Vector, rho: float) -> Vector:
-        """What the colour rho predicts from the last sample before it in place of what was not recorded: (n,)"""
-        if not self.since.any():
-            return y
-        last = np.arange(len(y)) - self.since.astype(int)
-        return np.where(last < 0, 0.0, y[last] * rho**self.since)
-
-
 def one_blas_thread() -> AbstractContextManager[object]:
     """Simulations fill the cores, and threads of BLAS spin while they wait for one."""
     return threadpool_limits(limits=1, user_api="blas")
@@ -174,14 +111,14 @@ class Problem:
         self.budget = Budget()
         self._took = [0.0 for _ in self.recordings]  # s; that a simulation took the last time
         self.blocks: list[Block] = []
-        self._gaps: list[Gaps] = []  # block by block
+        self._of_recording: list[list[tuple[Block, Gaps]]] = [[] for _ in self.recordings]
         row = 0
         for number, recording in enumerate(self.recordings):
             for channel, recorded in recording.outputs.items():
                 known = np.isfinite(recorded)
                 rows = slice(row, row + len(recorded))
                 self.blocks.append(Block(number, channel, rows, known.astype(float)))
-                self._gaps.append(Gaps.of(known))
+                self._of_recording[number].append((self.blocks[-1], Gaps.of(known)))
                 row = rows.stop
         self.rows = row
         self.recorded = self.whiten([r.outputs for r in self.recordings])
@@ -216,16 +153,20 @@ class Problem:
 
         In a gap stands what the noise's colour predicts from the sample before, recorded and simulated alike.
         """
-        stacked = np.empty(self.rows)
-        for block, gaps in zip(self.blocks, self._gaps, strict=True):
+        return np.concatenate([self.whiten_one(n, found) for n, found in enumerate(outputs)])
+
+    def whiten_one(self, n: int, outputs: Mapping[str, Vector]) -> Vector:
+        """Recording n's rows."""
+        parts = []
+        for block, gaps in self._of_recording[n]:
             noise = self.noise[block.channel]
             rho, theta, sigma = noise.filter
-            y = gaps.bridged(np.asarray(outputs[block.recording][block.channel]), rho)
+            y = gaps.bridged(np.asarray(outputs[block.channel]), rho)
             white = lfilter([1.0, -rho], [1.0, theta], y) / sigma
             white[0] = y[0] / noise.sigma
             white[gaps.resumes] *= sigma / noise.sigma_after(1.0 + gaps.since[gaps.resumes - 1])
-            stacked[block.rows] = white * block.weight
-        return stacked
+            parts.append(white * block.weight)
+        return np.concatenate(parts)
 
     def simulate(
         self,
@@ -246,37 +187,40 @@ class Problem:
             if base is None or not run.touches or any(self.plant.has(t, recording) for t in run.touches)
             if not only or only[k] in (None, n)
         ]
-        outputs: list[list[Signals | None]] = [
-            list(base.outputs) if base else [None] * len(self.recordings) for _ in runs
-        ]
+        there: list[Part | None] = self._parts(base) if base else [None for _ in self.recordings]
+        parts = [list(there) for _ in runs]
         keys, known = [run.key for run in runs] if known else [], known or {}
         for k, n in [job for job in jobs if known and (keys[job[0]], job[1]) in known]:
-            outputs[k][n] = known[keys[k], n]
+            found = known[keys[k], n]
+            parts[k][n] = found, self.whiten_one(n, found)
             jobs.remove((k, n))
         jobs.sort(key=lambda job: -self._took[job[1]])  # what takes longest first, so that all end together
         with ThreadPoolExecutor(self.jobs) as pool:
             done = pool.map(lambda job: self._one(runs[job[0]], job[1]), jobs)
-            for count, ((k, n), found) in enumerate(zip(jobs, done, strict=True), 1):
-                outputs[k][n] = found
+            for count, ((k, n), part) in enumerate(zip(jobs, done, strict=True), 1):
+                parts[k][n] = part
                 if self.watch:
                     self.watch(count, len(jobs))
         self._runs[0] += len(jobs)
-        return [self._complete(found) for found in outputs]
+        return [_complete(found) for found in parts]
 
-    def _complete(self, outputs: Sequence[Signals | None]) -> Simulated | None:
-        found = [o for o in outputs if o is not None]
-        return Simulated(tuple(found), self.whiten(found)) if len(found) == len(outputs) else None
+    def _parts(self, whole: Simulated) -> list[Part | None]:
+        begins = {block.recording: block.rows.start for block in reversed(self.blocks)}
+        whites = np.split(whole.white, sorted(begins.values())[1:])
+        return list(zip(whole.outputs, whites, strict=True))
 
     def outputs(self, run: Run, signals: Sequence[str] = ()) -> list[Signals]:
         """Per recording, outputs and `signals` of one run. Raises SimulationError."""
         with ThreadPoolExecutor(self.jobs) as pool:
             return list(pool.map(lambda n: self._simulate(run, n, signals), range(len(self.recordings))))
 
-    def _one(self, run: Run, n: int) -> Signals | None:
+    def _one(self, run: Run, n: int) -> Part | None:
+        """Whitened where it was simulated: beside the others."""
         self.budget.check()
         begun = time.perf_counter()
         try:
-            return self._simulate(run, n, ())
+            found = self._simulate(run, n, ())
+            return found, self.whiten_one(n, found)
         except SimulationError:
             return None
         finally:
@@ -360,6 +304,13 @@ class Problem:
             time = self.recordings[block.recording].time
             stacked[block.rows] = time - time[0]
         return stacked
+
+
+def _complete(parts: Sequence[Part | None]) -> Simulated | None:
+    found = [part for part in parts if part is not None]
+    if len(found) < len(parts):
+        return None
+    return Simulated(tuple(outputs for outputs, _ in found), np.concatenate([white for _, white in found]))
 
 
 def _undone(recording: Recording, run: Run) -> Recording:

@@ -15,7 +15,8 @@ from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import difference
-from cobot_joint.diagnosis.estimation.problem import Noise, Problem, Run, Vector
+from cobot_joint.diagnosis.estimation.noise import Noise
+from cobot_joint.diagnosis.estimation.problem import Problem, Run, Vector
 from cobot_joint.diagnosis.estimation.projection import solve
 from cobot_joint.diagnosis.plant.plant import Plant, ScannedShape, Signals, TermCandidate
 

@@ -15,7 +15,8 @@ from cobot_joint.diagnosis.data.campaign_file import Alternative, CampaignFile, 
 from cobot_joint.diagnosis.data.check import check
 from cobot_joint.diagnosis.data.parameters import with_values
 from cobot_joint.diagnosis.data.recording import Recording
-from cobot_joint.diagnosis.estimation.problem import SMOOTH, Noise, Problem
+from cobot_joint.diagnosis.estimation.noise import Noise
+from cobot_joint.diagnosis.estimation.problem import SMOOTH, Problem
 from cobot_joint.diagnosis.plant.frequency_plant import CHANNEL, FrequencyPlant, by_frequency, quick
 from cobot_joint.errors import UserError, among
 from cobot_joint.scenario.frequency_response import read_table

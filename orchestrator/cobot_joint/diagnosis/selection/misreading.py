@@ -13,12 +13,11 @@ import numpy as np
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.candidates.score_test import Scan, scores
+from cobot_joint.diagnosis.estimation.channels import Reading, Stamps
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.least_squares import Precision, bounded_step, fit, fit_on
 from cobot_joint.diagnosis.estimation.port_response import same_direction
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
-from cobot_joint.diagnosis.estimation.reading import Reading
-from cobot_joint.diagnosis.estimation.stamps import Stamps
 from cobot_joint.diagnosis.findings import Estimate, Misreading
 
 TRIED = 2  # channels that are fitted

@@ -11,10 +11,10 @@ import numpy as np
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.checks.beside_nominal import ALIKE, SHARE, match, shifted, unlike
+from cobot_joint.diagnosis.estimation.channels import Stamps
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.least_squares import difference, fit, fit_on, predicted_decrease
 from cobot_joint.diagnosis.estimation.problem import Problem, Run, Vector
-from cobot_joint.diagnosis.estimation.stamps import Stamps
 from cobot_joint.diagnosis.selection.misreading import FINISHED, ROUGH, Misread, predicted_of, spares_others
 
 TRIED = 3  # channels that are fitted

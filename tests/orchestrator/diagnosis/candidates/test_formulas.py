@@ -9,7 +9,8 @@ from cobot_joint.diagnosis.candidates.formulas import Dictionary
 from cobot_joint.diagnosis.candidates.tables import over_any
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
-from cobot_joint.diagnosis.estimation.problem import Noise, Problem, Run
+from cobot_joint.diagnosis.estimation.noise import Noise
+from cobot_joint.diagnosis.estimation.problem import Problem, Run
 from cobot_joint.diagnosis.plant.correction import Product, parse
 from cobot_joint.diagnosis.plant.plant import Port
 from tests.orchestrator.diagnosis.axis import NOISE, Axis, campaign

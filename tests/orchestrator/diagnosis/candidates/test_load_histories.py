@@ -10,7 +10,8 @@ from cobot_joint.diagnosis.estimation.effects import LoadPulse
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import fit
-from cobot_joint.diagnosis.estimation.problem import Noise, Problem, Vector
+from cobot_joint.diagnosis.estimation.noise import Noise
+from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, SAMPLES, STEP, Axis, campaign
 
 PORT = Axis.ports[0]

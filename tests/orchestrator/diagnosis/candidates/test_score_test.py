@@ -9,8 +9,9 @@ from cobot_joint.diagnosis.candidates.score_test import Scan, ScoreTest, scores
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit, fit_added
+from cobot_joint.diagnosis.estimation.noise import Noise
 from cobot_joint.diagnosis.estimation.port_response import respond
-from cobot_joint.diagnosis.estimation.problem import Noise, Problem
+from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.estimation.projection import Projection
 from cobot_joint.diagnosis.selection.elimination import loss_without
 from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, TERMS, Axis, campaign

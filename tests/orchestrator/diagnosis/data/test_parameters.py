@@ -11,7 +11,8 @@ from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.data.parameters import with_values
 from cobot_joint.diagnosis.data.quantity import convert
 from cobot_joint.diagnosis.estimation.hypothesis import tolerances
-from cobot_joint.diagnosis.estimation.problem import Noise, Problem
+from cobot_joint.diagnosis.estimation.noise import Noise
+from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.errors import UserError
 from cobot_joint.system.read import load_system

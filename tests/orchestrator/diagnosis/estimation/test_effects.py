@@ -20,7 +20,8 @@ from cobot_joint.diagnosis.estimation.effects import (
 from cobot_joint.diagnosis.estimation.fit import NORMAL, Fit, marginal_covariance, widened
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit, fit_added
-from cobot_joint.diagnosis.estimation.problem import Noise, Problem, Run, Simulated
+from cobot_joint.diagnosis.estimation.noise import Noise
+from cobot_joint.diagnosis.estimation.problem import Problem, Run, Simulated
 from cobot_joint.diagnosis.plant.plant import Parameter, Port
 from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, TERMS, Axis, campaign
 

@@ -17,7 +17,8 @@ from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit
 from cobot_joint.diagnosis.estimation.multiscale import LEAST, WINDOWS, Averaged, out_of_local_minimum
-from cobot_joint.diagnosis.estimation.problem import Noise, Problem, Run
+from cobot_joint.diagnosis.estimation.noise import Noise
+from cobot_joint.diagnosis.estimation.problem import Problem, Run
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import Parameter, Signals
 

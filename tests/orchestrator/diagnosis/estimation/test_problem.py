@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from cobot_joint.diagnosis.data.recording import Recording
-from cobot_joint.diagnosis.estimation.problem import Noise, Problem, Run
+from cobot_joint.diagnosis.estimation.noise import Noise
+from cobot_joint.diagnosis.estimation.problem import Problem, Run
 from tests.orchestrator.diagnosis.axis import NOISE, Axis, campaign
 
 TRUTH = {"axis.d": 1.9e-3}

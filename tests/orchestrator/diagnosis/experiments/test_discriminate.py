@@ -10,7 +10,8 @@ from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import fit
-from cobot_joint.diagnosis.estimation.problem import Noise, Problem
+from cobot_joint.diagnosis.estimation.noise import Noise
+from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.experiments.discriminate import Bench, advise
 from cobot_joint.diagnosis.experiments.excitation import experiments
 from cobot_joint.diagnosis.findings import Finding

@@ -9,7 +9,8 @@ import pytest
 from cobot_joint.diagnosis.engine import diagnose_plant
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import fit
-from cobot_joint.diagnosis.estimation.problem import Noise, Problem
+from cobot_joint.diagnosis.estimation.noise import Noise
+from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.localization.conditions import Condition
 from cobot_joint.diagnosis.localization.localize import Localization, locate_difference
 from cobot_joint.diagnosis.report import localization_words

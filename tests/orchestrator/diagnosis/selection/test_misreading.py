@@ -10,9 +10,9 @@ import pytest
 from cobot_joint.diagnosis.candidates.score_test import Scan
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.engine import diagnose_plant, identify
+from cobot_joint.diagnosis.estimation.channels import Reading
 from cobot_joint.diagnosis.estimation.least_squares import fit
 from cobot_joint.diagnosis.estimation.problem import Problem, Run
-from cobot_joint.diagnosis.estimation.reading import Reading
 from cobot_joint.diagnosis.report.headline import verdict_sentence
 from cobot_joint.diagnosis.report.words import misread, remedy
 from cobot_joint.diagnosis.selection.misreading import look_for_misreading, spares_others

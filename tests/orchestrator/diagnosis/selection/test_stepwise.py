@@ -14,7 +14,8 @@ from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit, fit_added
-from cobot_joint.diagnosis.estimation.problem import Noise, Problem
+from cobot_joint.diagnosis.estimation.noise import Noise
+from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.selection.competition import Competition
 from cobot_joint.diagnosis.selection.elimination import prune, without_needless
 from cobot_joint.diagnosis.selection.selection import Selected, Selection

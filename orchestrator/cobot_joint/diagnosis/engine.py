@@ -147,6 +147,8 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
         "parameters outside their tolerances",
         lambda: look_outside(problem, found.calibrated, *listed, select, say),
     )
+    if isinstance(outside, Selection):
+        return Explanation(found.calibrated, outside.fit, outside, outside.selected)
     if outside is None or (found.unmodelled and _stands_before(problem, found.unmodelled, outside)):
         return found
     as_good = misread if misread and misread.as_good(problem, found.calibrated, outside.gain) else None
@@ -176,7 +178,7 @@ def _channel_or_parameter(problem: Problem, nothing: Selection, misread: Misread
         "parameters outside their tolerances",
         lambda: look_outside(problem, calibrated, calibrated, [], lambda fit: Selection([fit]), say),
     )
-    if outside is None or outside.gain < calibrated.cost - misread.fit.cost - misread.slack(problem):
+    if not isinstance(outside, Outside) or outside.gain < calibrated.cost - misread.fit.cost - misread.slack(problem):
         return channel
     return replace(channel, fit=outside.fit, outside=outside)
 

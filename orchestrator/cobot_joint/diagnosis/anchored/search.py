@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.beside import Beside, Candidate, Predicted
+from cobot_joint.diagnosis.anchored.left_over import left_over
 from cobot_joint.diagnosis.anchored.tracks import Tracker
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.fit import NORMAL
 from cobot_joint.diagnosis.findings import Estimate
 from cobot_joint.diagnosis.plant.at_once import at_once
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
-from cobot_joint.diagnosis.plant.plant import PROBE, SPEEDS, TermCandidate
+from cobot_joint.diagnosis.plant.plant import PROBE, TermCandidate
 from cobot_joint.diagnosis.plant.plant import SimulationError as RunError
 from cobot_joint.diagnosis.state_estimation.evidence import Effect, combinations
 
@@ -44,7 +45,7 @@ class Named:
 
     next_best: evidence of the best term that could not be called alike; if it is more, that one did not predict, and
     the name is no claim. in_all: log likelihood that it adds to all recordings, followed again with it; predicted: to
-    parts of them that it was not fitted to.
+    parts of them that it was not fitted to. shows: whether free runs feel it, beside what these leave (free_runs.py).
     """
 
     candidate: Candidate
@@ -53,6 +54,7 @@ class Named:
     predicted: float
     where: dict[str, object]
     in_all: float = 0.0
+    shows: bool = True
 
     @property
     def name(self) -> str:
@@ -67,11 +69,11 @@ class Named:
 
 def confidence(named: Named) -> float:
     """0..1, by the evidence as far as it predicts, and by how near the best of the others came; no claim where the
-    term, once it is on, is worth less than half of that."""
+    term, once it is on, is worth less than half of that, or where free runs hardly feel it."""
     share = max(named.next_best, 0.0) / max(named.evidence, 1.0)
     proven = max(min(named.evidence, named.predicted), 1.0)
     score = INTERCEPT + COEFFICIENT * math.log10(proven) + NEXT_BEST * share
-    stands = share < 1 and named.in_all >= thresholds.HOLDS * min(named.evidence, named.predicted)
+    stands = named.shows and share < 1 and named.in_all >= thresholds.HOLDS * min(named.evidence, named.predicted)
     return round(min(1 / (1 + math.exp(-score)), MOST if stands else thresholds.WITHHELD), 3)
 
 
@@ -128,20 +130,18 @@ class Searcher:
         found.calibrated = self._estimates(found, at)
         while True:
             room = len(found.named) < thresholds.MOST_TERMS
-            more = (
-                next(filter(None, (self._added(found, at, n) for n in self._next(found, at))), None) if room else None
-            )
+            more = self._best(found, at, self._next(found, at)) if room else None
             if more is None:
                 break
             found, at = more
         found.repaired = self._estimates(found, at)
-        found.background = _background(at, self.plant, self.tracker.alike)
+        found.background = left_over(at, self.plant, self.tracker.alike)
         return found
 
     def background(self, values: Mapping[str, float], onsets: Mapping[str, float]) -> list[dict[str, object]]:
         """What the system with these values, some from an onset on, leaves, without a search. SimulationError: as
         above."""
-        return _background(self._follow(Search(dict(values), dict(onsets))), self.plant, self.tracker.alike)
+        return left_over(self._follow(Search(dict(values), dict(onsets))), self.plant, self.tracker.alike)
 
     def _begun(self, start: Mapping[str, float]) -> tuple[Search, Beside]:
         """A gap or a stiffness that is far off leaves the corrections in a side valley: field/open case01 was given a
@@ -154,6 +154,24 @@ class Searcher:
         if at.gain_over(as_it_is) > 0:
             return refitted, at
         return nominal, self._follow(nominal)  # the first time is closed by what follows
+
+    def _best(self, found: Search, at: Beside, likely: Sequence[Named]) -> tuple[Search, Beside] | None:
+        """With the first that makes the recordings more likely, or the next, where it comes near in what is linear and
+        makes them more likely still: of a torque ripple and a cogging of one order the wrong one led (137, 10)."""
+        first = None
+        for named in likely:
+            if first is not None and not self._comes_near(named, first[0].named[-1]):
+                break
+            more = self._added(found, at, named)
+            if more is not None and first is not None:
+                return _likelier(first, more)
+            first = more or first
+        return first
+
+    def _comes_near(self, named: Named, first: Named) -> bool:
+        """Whether what is linear hardly says which of two terms it is."""
+        is_term = named.name not in self.bounds and first.name not in self.bounds
+        return is_term and named.evidence > thresholds.HOLDS * first.evidence
 
     def _added(self, found: Search, at: Beside, named: Named) -> tuple[Search, Beside] | None:
         """With a term switched on; None: the recordings are less likely then, its linear share notwithstanding."""
@@ -357,6 +375,15 @@ class Searcher:
         return result
 
 
+def _likelier(*two: tuple[Search, Beside]) -> tuple[Search, Beside]:
+    """Of two terms the one that adds more in all, and how near the other comes in that."""
+    (found, at), (other, _) = sorted(two, key=lambda each: -each[0].named[-1].in_all)
+    named, rival = found.named[-1], other.named[-1]
+    near = named.evidence * rival.in_all / named.in_all
+    next_best = near if named.next_best == rival.evidence else max(near, named.next_best)
+    return replace(found, named=[*found.named[:-1], replace(named, next_best=next_best)]), at
+
+
 def _on(term: TermCandidate, shapes: Mapping[str, float], step: float) -> dict[str, float]:
     return {**shapes, term.amplitude: float(np.clip(term.neutral + step, term.lower, term.upper))}
 
@@ -368,32 +395,3 @@ def _where(at: Beside, predicted: NDArray[np.float64]) -> dict[str, object]:
     time = at.trackings[number].tracked.time
     return {"recording": at.trackings[number].tracked.recording.name, "by_regime": [],
             "time": [float(time[rows.start]), float(time[rows.stop - 1])]}  # fmt: skip
-
-
-def _background(at: Beside, plant: FmuPlant, alike: Mapping[str, Sequence[str]]) -> list[dict[str, object]]:
-    """How large what was given no name is at each port: over the unit's own speed and load, and over time.
-
-    share: of what repeats over speed and load, by the chi-square that it takes from the innovations. alike: port ->
-    other components in which the same would do the same.
-    """
-    units = {port.name: (port.unit, {s: _variable(plant, s) for s in port.signals}) for port in plant.ports}
-    thetas = [at.regression.theta[place] for place in at.regression.places]
-    chi2 = [float(t @ at.regression.gram[p, p] @ t) for t, p in zip(thetas, at.regression.places, strict=True)]
-    found: list[dict[str, object]] = []
-    for group, theta, taken in zip(at.background, thetas, chi2, strict=True):
-        rms = float(np.sqrt(np.mean((group.signals @ theta) ** 2)))
-        unit, variables = units[group.port]
-        row = {"port": group.port, "variable": variables.get(group.variable, "load"), "rms": rms, "unit": unit}
-        row |= {"alike": list(alike[group.port])} if alike.get(group.port) else {}
-        found.append({**row, "share": round(taken / max(sum(chi2), 1.0), 3)})
-    for port in dict.fromkeys(name for t in at.trackings for name in t.estimator.ports):
-        sizes = [[latent.sigma for latent in t.estimator.latents if latent.port == port] for t in at.trackings]
-        rms = float(np.sqrt(np.mean([np.sum(np.square(s)) for s in sizes if s])))
-        found.append({"port": port, "variable": "time", "rms": rms, "unit": units[port][0]})
-    return found
-
-
-def _variable(plant: FmuPlant, signal: str) -> str:
-    component, variable = signal.split(".", 1)
-    unit = next(c.unit for s in plant.systems.values() for c in s.components if c.name == component)
-    return "w" if unit.unit_of(variable) in SPEEDS else "load"

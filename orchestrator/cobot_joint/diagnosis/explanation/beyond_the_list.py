@@ -8,7 +8,7 @@ from functools import partial
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.follow import can_follow, follow, motion_is_given, where_it_lies
-from cobot_joint.diagnosis.anchored.free_runs import beside_listed
+from cobot_joint.diagnosis.anchored.free_runs import beside_listed, felt
 from cobot_joint.diagnosis.anchored.search import Search, confidence
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.estimation.calibrate import basis
@@ -122,7 +122,8 @@ class BeyondTheList:
             return None
         if self.takes_most and not (lost or self.listed.imitates or self.stands_out):
             return None
-        return self.spend("the recorded motion", self._followed)
+        found = self.spend("the recorded motion", self._followed)
+        return felt(self.problem, self.calibrated, found) if found and found.named else found
 
     def _followed(self) -> Search | None:
         in_runs = [c.term for ranked in self.listed.ranking[:1] for c in ranked]

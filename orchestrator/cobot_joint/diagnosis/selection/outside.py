@@ -85,8 +85,9 @@ class Outside:
 
 def look_outside(
     problem: Problem, calibrated: Fit, explained: Fit, selected: Sequence[Selected], select: Select, say: Say
-) -> Outside | None:
-    """None: no parameter presses against a bound, or letting go of it leaves more than the listed terms do.
+) -> Outside | Selection | None:
+    """None: no parameter presses against a bound, or letting go of it leaves more than the listed terms do. A
+    Selection: listed terms that were found beside it, and leave less than `explained` without it.
 
     explained: the fit with these terms, or the calibrated one where there are none; then half of what is above noise
     has to be taken. select: listed terms from a fit on: of several terms the first may have stood in for a parameter,
@@ -108,6 +109,10 @@ def look_outside(
             more is not None and more.fit.cost <= explained.cost + slack and len(more.selected) < len(selected)
         )
         if more is not None and (alone or (instead and needs_fewer) or _leaves_less(problem, more.fit, explained)):
+            if without_it := _needless(problem, calibrated, best, more):
+                return (
+                    without_it if problem.excess(without_it.fit.residual) < problem.excess(explained.residual) else None
+                )
             as_good = len(selected) == 1 and explained.cost - best.cost < slack
             found = Outside(more, gain, (selected[0].term, *selected[0].alike) if as_good else ())
             say(f"{found.name} outside its tolerance leaves no more")
@@ -138,9 +143,21 @@ def _beside(
     return found
 
 
+def _needless(problem: Problem, calibrated: Fit, alone: Fit, more: Selection) -> Selection | None:
+    """The listed terms beside a parameter, without it, where it leaves far more without them, and they no more without
+    it: it stood in for them while they were found (151, 10). None: it is needed."""
+    if not more.selected or not _leaves_less(problem, more.fit, alone):
+        return None
+    inside = held(problem, more.fit)
+    if inside is None or _leaves_less(problem, more.fit, inside):
+        return None
+    return replace(more, history=[calibrated, inside])
+
+
 def _leaves_less(problem: Problem, fit: Fit, other: Fit) -> bool:
     """Whether it leaves so much less that one number more does not account for it."""
-    return thresholds.TIMES_LESS * problem.excess(fit.residual) < problem.excess(other.residual)
+    left = max(problem.excess(fit.residual), problem.excess_scatter)
+    return thresholds.TIMES_LESS * left < problem.excess(other.residual)
 
 
 def leaves_least(problem: Problem, calibrated: Fit, least: float, tried: int = TRIED) -> Fit | None:

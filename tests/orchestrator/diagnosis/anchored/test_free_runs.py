@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored import free_runs
-from cobot_joint.diagnosis.anchored.search import Named, Search
+from cobot_joint.diagnosis.anchored.search import Named, Search, confidence
+from cobot_joint.diagnosis.estimation.problem import Run
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding
 from cobot_joint.diagnosis.plant.plant import TermCandidate
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
@@ -69,6 +71,35 @@ def test_a_repair_is_the_fit_that_leaves_less_of_free_runs(
     monkeypatch.setattr(free_runs, "_freely", lambda *_: refit(left_free))
     after = free_runs.in_free_runs(problem(3.0), found("a.term"), Search(), refit(4.0), {})
     assert after.repaired["a.b"].value == kept
+
+
+@pytest.mark.parametrize(
+    ("moves", "leaves", "shows"),
+    [
+        (3.0, 100.0, False),  # 9 of 99 that are left without it
+        (4.0, 100.0, True),
+        (4.0, 3.0, True),  # little of what is left without any, but of what is left with all that was named
+        (None, 100.0, True),  # cannot be simulated: free runs say nothing
+    ],
+)
+def test_a_name_that_free_runs_hardly_feel_is_no_claim(moves: float | None, leaves: float, shows: bool) -> None:
+    """A wave of 0.08 mN.m over a motor's angle, of the background, was cogging, 74 and 86 % sure (151, 1; 127, 5)."""
+    base: Any = SimpleNamespace(chi2=100.0, run=Run({"axis.d": 1.0}), simulated=SimpleNamespace(white=np.zeros(2)))
+    if leaves < 100.0:
+        base.chi2 = 1000.0
+
+    def simulate(runs: list[Run]) -> Any:
+        assert [sorted(run.values) for run in runs] == [["axis.cogging.A", "axis.d"]] * 2
+        one = None if moves is None else SimpleNamespace(white=np.array([moves, 0.0]))
+        return [one, SimpleNamespace(white=np.array([0.0, np.sqrt(leaves + 1)]))]
+
+    at: Any = SimpleNamespace(recorded=np.zeros(2), samples=1, simulate=simulate)
+    term: Any = SimpleNamespace(name="axis.cogging", amplitude="axis.cogging.A")
+    candidate: Any = SimpleNamespace(term=term, values={"axis.cogging.A": 1.0}, onset=None, evidence=231.0)
+    search = Search(named=[Named(candidate, (), 0.0, 161.0, {}, 200.0)])
+    (named,) = free_runs.felt(at, base, search).named
+    assert named.shows == shows
+    assert (confidence(named) >= thresholds.EVEN) == shows
 
 
 @pytest.mark.parametrize(

@@ -10,12 +10,13 @@ from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.engine import diagnose_plant
 from cobot_joint.diagnosis.estimation.calibrate import calibrate
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
+from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.least_squares import fit_added
 from cobot_joint.diagnosis.estimation.problem import Problem, one_blas_thread
 from cobot_joint.diagnosis.findings import Estimate
 from cobot_joint.diagnosis.selection.competition import finished
 from cobot_joint.diagnosis.selection.elimination import kept_beside
-from cobot_joint.diagnosis.selection.outside import Outside, held, leaves_least
+from cobot_joint.diagnosis.selection.outside import Outside, held, leaves_least, look_outside
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.store import Store
 from tests.orchestrator.diagnosis.axis import NOMINAL, Axis, Driven, campaign, weak_drive
@@ -79,6 +80,32 @@ def test_beside_listed_terms_it_makes_needless_what_stood_in_for_it_and_held_aga
     assert [e.name for e in inside.hypothesis.effects] == ["axis.windage"]
     assert inside.run.values["drive.k"] == pytest.approx(0.9 * NOMINAL["axis.k"])
     assert inside.cost > fit.cost + problem.evidence
+
+
+@pytest.mark.parametrize("needed", [False, True])
+def test_one_that_stood_in_for_listed_terms_goes_again_once_these_are_found_beside_it(needed: bool) -> None:
+    """A supply that sags was answered with a winding's resistance outside its tolerance, 95 %, beside it (151, 10)."""
+    truth = {"axis.windage.c": 2e-4, "axis.d": (0.4 if needed else 1.0) * NOMINAL["axis.d"]}
+    case = campaign(truth)
+    with one_blas_thread():
+        problem, base = calibrate(case, Axis(), lambda words: None, Store(None))
+
+        def windage(fit: Fit) -> Selection:
+            term = next(t for t in Axis().terms if t.name == "axis.windage")
+            found = fit_added(problem, fit, [ActiveTerm(term, {term.amplitude: 1e-4})], finished(2))
+            assert found is not None
+            return Selection([fit, found], [Selected(term.name, fit.cost - found.cost)])
+
+        found = look_outside(problem, base, base, [], windage, lambda words: None)
+    assert found is not None
+    if needed:
+        assert isinstance(found, Outside)
+        assert found.name == "axis.d"
+    else:
+        assert isinstance(found, Selection)
+        assert found.fit.hypothesis.terms[0].name == "axis.windage"
+        assert found.fit.run.values["axis.d"] == pytest.approx(NOMINAL["axis.d"], rel=0.02)
+        assert found.fit.chi2 < 1.1 * problem.samples
 
 
 @pytest.mark.parametrize("at", ["lower", None])

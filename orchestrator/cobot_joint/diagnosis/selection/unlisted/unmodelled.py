@@ -46,7 +46,7 @@ class Unmodelled:
     """The finding, the fit with it, and the listed terms that stay beside it.
 
     taken: share of what its start leaves. as_good: it leaves less than the listed terms that it would replace, but not
-    so much less that these are wrong.
+    so much less that these are wrong. stood_out: whether what its start leaves stands out, as no background does.
     """
 
     fit: Fit
@@ -54,6 +54,7 @@ class Unmodelled:
     finding: Finding
     taken: float
     as_good: bool = False
+    stood_out: bool = False
 
     @property
     def is_formula(self) -> bool:
@@ -81,8 +82,12 @@ class Unmodelled:
 
     @property
     def is_likely(self) -> bool:
-        """Whether it takes so much that a background is not what it follows; a table follows most of one."""
-        return self.taken > (thresholds.ALONE if self.is_formula else thresholds.ENOUGH)
+        """Whether it takes so much that a background is not what it follows. A table follows most of one: it takes all
+        but that, or of what stands out three times (rms) as much as it leaves."""
+        if self.is_formula:
+            return self.taken > thresholds.ALONE
+        times_more = self.taken > thresholds.LEFT_SIGMA**2 * (1 - self.taken)
+        return self.taken > thresholds.ENOUGH or (self.stood_out and times_more)
 
     @property
     def freedom(self) -> int:
@@ -278,7 +283,8 @@ def _answer(
     alike = indistinguishable_ports(problem, start, choice, thresholds.COLLINEAR)
     equivalent = tuple(f"{c}.unlisted" for c in dict.fromkeys(p.component for p in alike))
     finding = Finding(f"{port.component}.unlisted", equivalent, 0.0, onset, {}, {}, 0.0, shape=form)
-    return Unmodelled(found, selected, _weighed(problem, start, found, finding), taken)
+    weighed, out = _weighed(problem, start, found, finding), problem.stands_out(start.residual)
+    return Unmodelled(found, selected, weighed, taken, stood_out=out)
 
 
 def _weighed(problem: Problem, start: Fit, found: Fit, finding: Finding) -> Finding:
@@ -309,7 +315,7 @@ def without_what_it_replaces(problem: Problem, found: Unmodelled) -> Unmodelled:
     taken = 1 - rest / max(before, 1e-9)
     form = _formula(problem, fit, port, [f.form for f in shape.features], taken)
     finding = _weighed(problem, start, fit, replace(found.finding, shape=form))
-    return Unmodelled(fit, kept, finding, taken)
+    return Unmodelled(fit, kept, finding, taken, stood_out=problem.stands_out(start.residual))
 
 
 def _formula(problem: Problem, found: Fit, port: Port, forms: Sequence[Product], taken: float) -> Form:

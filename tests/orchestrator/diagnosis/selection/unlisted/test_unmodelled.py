@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -104,6 +105,20 @@ def test_a_formula_that_leaves_less_than_what_it_does_not_outdo_is_said_beside_i
     (found,) = diagnose_plant(concealed(lambda w, phi: -1e-7 * w**3), Axis()).findings
     assert (found.term, found.equivalent) == ("axis.windage", ("axis.unlisted",))
     assert found.confidence <= 0.45
+
+
+@pytest.mark.parametrize(
+    ("taken", "stood_out", "likely"),
+    [(0.98, False, True), (0.95, False, False), (0.95, True, True), (0.85, True, False)],
+)
+def test_a_table_is_likely_that_leaves_a_ninth_of_what_stands_out_or_hardly_anything(
+    taken: float, stood_out: bool, likely: bool
+) -> None:
+    """Of a drag 4.6 times the background, beside an inertia outside its tolerance, a table took 94.7 % (127, 5)."""
+    table = Form("axis.tau_add", "N.m", ("axis.w",), (), taken, signal="w", table=(np.zeros(2), np.zeros(2)))
+    finding = Finding("axis.unlisted", (), 0.9, None, {}, {}, 1.0, shape=table)
+    nothing: Any = None
+    assert Unmodelled(nothing, [], finding, taken, stood_out=stood_out).is_likely == likely
 
 
 @pytest.mark.parametrize(("leaves", "answer"), [(1.0, "in its place"), (2.5, "as good"), (4.0, "none")])

@@ -148,7 +148,8 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
         lambda: look_outside(problem, found.calibrated, *listed, select, say),
     )
     if isinstance(outside, Selection):
-        return Explanation(found.calibrated, outside.fit, outside, outside.selected)
+        outdone = found.unmodelled is not None and found.unmodelled.outdoes(problem, outside.fit)
+        return found if outdone else Explanation(found.calibrated, outside.fit, outside, outside.selected)
     if outside is None or (found.unmodelled and _stands_before(problem, found.unmodelled, outside)):
         return found
     as_good = misread if misread and misread.as_good(problem, found.calibrated, outside.gain) else None

@@ -175,7 +175,7 @@ static const double SAMPLE_PERIOD = 1e-3;
 /* tanh to 2e-16, by exp: it is in every evaluation, and libm's own, exact to the last bit of tiny ones, takes three times as long */
 static inline double tanh_by_exp(double x) {
   const double most = 20, size = fabs(x); /* beyond, it is 1 */
-  return copysign(size < most ? 1 - 2 / (exp(2 * size) + 1) : 1, x);
+  return copysign(size >= most ? 1 : 1 - 2 / (exp(2 * size) + 1), x);
 }
 /* smoothed sign, docs/bench.md */
 static inline double sgn(double w, double e) { return tanh_by_exp(w / e); }

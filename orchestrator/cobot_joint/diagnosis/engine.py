@@ -148,8 +148,7 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
         lambda: look_outside(problem, found.calibrated, *listed, select, say),
     )
     if isinstance(outside, Selection):
-        outdone = found.unmodelled is not None and found.unmodelled.outdoes(problem, outside.fit)
-        return found if outdone else Explanation(found.calibrated, outside.fit, outside, outside.selected)
+        return _found_beside_it(problem, found, outside)
     if outside is None or (found.unmodelled and _stands_before(problem, found.unmodelled, outside)):
         return found
     as_good = misread if misread and misread.as_good(problem, found.calibrated, outside.gain) else None
@@ -159,6 +158,18 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     explained = Explanation(found.calibrated, told.fit, told.selection, told.selection.selected)
     rival = beside if beside and beside.as_good else None
     return replace(explained, outside=told, unmodelled=beside if both else None, rival=rival, misread=as_good)
+
+
+def _found_beside_it(problem: Problem, found: Explanation, listed: Selection) -> Explanation:
+    """Listed terms that were found beside a parameter; a formula that leaves less per feature than they do per term is
+    said beside them, and one that leaves several times less stays the answer."""
+    other = found.unmodelled or found.rival
+    if other is not None and found.unmodelled is not None and other.outdoes(problem, listed.fit):
+        return found
+    left, rest = remains(problem, listed.fit, other.fit) if other is not None else (0.0, 0.0)
+    less = other is not None and left * len(listed.selected) > rest * other.freedom
+    rival = replace(other, as_good=True) if other is not None and less else None
+    return Explanation(found.calibrated, listed.fit, listed, listed.selected, rival=rival)
 
 
 def _stands_before(problem: Problem, formula: Unmodelled, outside: Outside) -> bool:

@@ -138,6 +138,13 @@ class Beside:
                 found.append(0.5 * float(np.sum(logarithm - p * e**2)) + fitted)
         return np.array(found)
 
+    def where(self, predicted: Array) -> dict[str, object]:
+        """The recording and the part of it whose likelihood a term raises most: (blocks,)"""
+        number, rows = self.blocks[int(np.argmax(predicted))]
+        tracked = self.trackings[number].tracked
+        span = [float(tracked.time[rows.start]), float(tracked.time[rows.stop - 1])]
+        return {"recording": tracked.recording.name, "by_regime": [], "time": span}
+
     @property
     def corrections(self) -> dict[str, tuple[float, float]]:
         """`component.parameter` -> by how much it is off, most likely, and 1 sigma of that."""

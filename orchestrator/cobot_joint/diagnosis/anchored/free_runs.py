@@ -43,11 +43,12 @@ def in_free_runs(problem: Problem, found: Diagnosis, search: Search, refit: Fit,
     return found
 
 
-def felt(problem: Problem, base: Fit, search: Search) -> Search:
-    """With what each named term does to free runs, beside what these leave without it, or with all that was named.
+def felt(problem: Problem, base: Fit, listed: Fit, search: Search) -> Search:
+    """With what each named term does to free runs, beside what these leave: without any, with all that was named, or
+    with the listed terms.
 
-    The recorded motion shows a wave of a hundredth of a milli-newton-metre at a motor: so has every machine (151, 1;
-    151, 19; 127, 5 took 0.03 and less of what was left, effects that had been concealed 0.16 and more).
+    The recorded motion shows a wave of a tenth of a milli-newton-metre over a motor's angle, and every motor has one
+    (151, 1; 151, 19; 127, 5 took 0.03 and less of what was left, effects that had been concealed 0.16 and more).
     """
     values = {name: estimate.value for name, estimate in search.repaired.items()}
     own = [{n: values.get(n, x) for n, x in named.candidate.values.items()} for named in search.named]
@@ -59,11 +60,12 @@ def felt(problem: Problem, base: Fit, search: Search) -> Search:
         together = together.with_values(x, t)
     *each, every = problem.simulate([*runs, together])
     left = max(base.chi2 - problem.samples, 0.0)
-    rest = np.inf if every is None else float(np.sum((problem.recorded - every.white) ** 2)) - problem.samples
+    named_all = np.inf if every is None else float(np.sum((problem.recorded - every.white) ** 2))
+    rest = max(min(named_all, listed.chi2) - problem.samples, 0.0)
     named = []
     for one, simulated in zip(search.named, each, strict=True):
         moved = np.inf if simulated is None else float(np.sum((simulated.white - base.simulated.white) ** 2))
-        named.append(replace(one, shows=moved >= thresholds.WORTH * min(left, max(rest, 0.0) + moved)))
+        named.append(replace(one, shows=moved >= thresholds.WORTH * min(left, rest + moved)))
     return replace(search, named=named)
 
 

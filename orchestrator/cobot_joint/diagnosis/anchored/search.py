@@ -158,15 +158,20 @@ class Searcher:
     def _best(self, found: Search, at: Beside, likely: Sequence[Named]) -> tuple[Search, Beside] | None:
         """With the first that makes the recordings more likely, or the next, where it comes near in what is linear and
         makes them more likely still: of a torque ripple and a cogging of one order the wrong one led (137, 10)."""
-        first = None
+        first, after = None, False
         for named in likely:
             if first is not None and not self._comes_near(named, first[0].named[-1]):
                 break
             more = self._added(found, at, named)
-            if more is not None and first is not None:
-                return _likelier(first, more)
-            first = more or first
-        return first
+            if first is not None and more is not None:
+                wins, loses = (more, first) if more[1].gain_over(first[1]) > 0 else (first, more)
+                return self._again(_beside_rival(wins[0], loses[0].named[-1], found.ranking[-1]))
+            first, after = (first, True) if first is not None else (more, False)
+        return self._again(first[0]) if first is not None and after else first
+
+    def _again(self, found: Search) -> tuple[Search, Beside]:
+        """Followed once more: what was tried after it closed it."""
+        return found, self._follow(found)
 
     def _comes_near(self, named: Named, first: Named) -> bool:
         """Whether what is linear hardly says which of two terms it is."""
@@ -269,7 +274,7 @@ class Searcher:
         close = best.evidence - max(thresholds.ANCHORED_ALIKE, thresholds.ANCHORED_ALIKE_SHARE * best.evidence)
         alike = [c.term.name for c in others if best.evidence >= c.evidence > close]
         next_best = max((c.evidence for c in others if c.term.name not in alike), default=0.0)
-        return Named(best, tuple(alike), next_best, predicted.worth, _where(at, predicted.blocks))
+        return Named(best, tuple(alike), next_best, predicted.worth, at.where(predicted.blocks))
 
     def _by_runs(self, found: Search, at: Beside, term: TermCandidate) -> Candidate | None:
         """A term with a memory answers to nothing while it is off: what it does to a run, in proportion."""
@@ -375,23 +380,13 @@ class Searcher:
         return result
 
 
-def _likelier(*two: tuple[Search, Beside]) -> tuple[Search, Beside]:
-    """Of two terms the one that adds more in all, and how near the other comes in that."""
-    (found, at), (other, _) = sorted(two, key=lambda each: -each[0].named[-1].in_all)
-    named, rival = found.named[-1], other.named[-1]
-    near = named.evidence * rival.in_all / named.in_all
-    next_best = near if named.next_best == rival.evidence else max(near, named.next_best)
-    return replace(found, named=[*found.named[:-1], replace(named, next_best=next_best)]), at
+def _beside_rival(found: Search, rival: Named, ranking: Sequence[tuple[str, float]]) -> Search:
+    """With how near the rival comes to the last name in all, not in what is linear; the others as they were ranked."""
+    named = found.named[-1]
+    others = (evidence for name, evidence in ranking if name not in (named.name, *named.alike, rival.name))
+    nearest = max(named.evidence * rival.in_all / max(named.in_all, 1e-9), *others, 0.0)
+    return replace(found, named=[*found.named[:-1], replace(named, next_best=nearest)])
 
 
 def _on(term: TermCandidate, shapes: Mapping[str, float], step: float) -> dict[str, float]:
     return {**shapes, term.amplitude: float(np.clip(term.neutral + step, term.lower, term.upper))}
-
-
-def _where(at: Beside, predicted: NDArray[np.float64]) -> dict[str, object]:
-    """The recording and the part of it whose likelihood the term raises most."""
-    best = int(np.argmax(predicted))
-    number, rows = at.blocks[best]
-    time = at.trackings[number].tracked.time
-    return {"recording": at.trackings[number].tracked.recording.name, "by_regime": [],
-            "time": [float(time[rows.start]), float(time[rows.stop - 1])]}  # fmt: skip

@@ -130,8 +130,9 @@ class FreeParameter:
     def bounds(self) -> tuple[float, float]:
         """The unit's, but at most `FARTHEST_OFF` times the tolerance's ends: a rotor without inertia is none."""
         base, p = self.base, self.base.parameter
-        lower = base.lower / FARTHEST_OFF if base.lower > 0 else p.lower
-        upper = base.upper * FARTHEST_OFF if base.upper > 0 else p.upper
+        far = FARTHEST_OFF * max(abs(base.lower), abs(base.upper))
+        lower = base.lower / FARTHEST_OFF if base.lower > 0 else -far
+        upper = base.upper / FARTHEST_OFF if base.upper < 0 else far
         return max(lower, p.lower), min(upper, p.upper)
 
     def start(self) -> Vector:

@@ -69,7 +69,7 @@ class BeyondTheList:
             return self._of_listed(self._stands, anchored=found, rival=rival)
         if formula and formula.is_likely and ((outdone and not (found and lost)) or not self._claims(found, formula)):
             return self._of(formula)
-        if found and (found.named or not self._stands):
+        if found and (any(n.shows for n in found.named) or not self._stands):
             return self._beside_the_claimed(found) or self._of_listed([], anchored=found)
         return self._of_what_is_worth_a_name(rival)
 
@@ -123,7 +123,7 @@ class BeyondTheList:
         if self.takes_most and not (lost or self.listed.imitates or self.stands_out):
             return None
         found = self.spend("the recorded motion", self._followed)
-        return felt(self.problem, self.calibrated, found) if found and found.named else found
+        return felt(self.problem, self.calibrated, self.listed.fit, found) if found and found.named else found
 
     def _followed(self) -> Search | None:
         in_runs = [c.term for ranked in self.listed.ranking[:1] for c in ranked]
@@ -155,7 +155,7 @@ class BeyondTheList:
         none is looked for."""
         base = self.listed.up_to(0)
         both = beside_listed(self.problem, base, found)
-        if both is None or {s.term for s in both[1]} != {n.name for n in found.named}:
+        if both is None or {s.term for s in both[1]} != {n.name for n in found.named if n.shows}:
             return None
         claimed = replace(base, history=[self.calibrated, both[0]], selected=both[1])
         out = self.problem.stands_out(both[0].residual)

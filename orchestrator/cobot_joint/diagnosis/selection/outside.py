@@ -20,7 +20,7 @@ from cobot_joint.diagnosis.findings import Estimate, Finding
 from cobot_joint.diagnosis.localization.evidence import where_it_gains
 from cobot_joint.diagnosis.selection.competition import finished
 from cobot_joint.diagnosis.selection.confidence import beside_background, confidence
-from cobot_joint.diagnosis.selection.elimination import kept_beside
+from cobot_joint.diagnosis.selection.elimination import kept_beside, without_terms
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 
@@ -109,10 +109,9 @@ def look_outside(
             more is not None and more.fit.cost <= explained.cost + slack and len(more.selected) < len(selected)
         )
         if more is not None and (alone or (instead and needs_fewer) or _leaves_less(problem, more.fit, explained)):
-            if without_it := _needless(problem, calibrated, best, more):
-                return (
-                    without_it if problem.excess(without_it.fit.residual) < problem.excess(explained.residual) else None
-                )
+            without_it = _needless(problem, calibrated, best, more)
+            if without_it and problem.excess(without_it.fit.residual) < problem.excess(explained.residual):
+                return without_it
             as_good = len(selected) == 1 and explained.cost - best.cost < slack
             found = Outside(more, gain, (selected[0].term, *selected[0].alike) if as_good else ())
             say(f"{found.name} outside its tolerance leaves no more")
@@ -151,7 +150,10 @@ def _needless(problem: Problem, calibrated: Fit, alone: Fit, more: Selection) ->
     inside = held(problem, more.fit)
     if inside is None or _leaves_less(problem, more.fit, inside):
         return None
-    return replace(more, history=[calibrated, inside])
+    inside, kept = kept_beside(problem, inside, more.selected)
+    rests = [without_terms(problem, inside, {s.term}) for s in kept]
+    worth = [Selected(s.term, r.cost - inside.cost) for s, r in zip(kept, rests, strict=True) if r is not None]
+    return replace(more, history=[calibrated, inside], selected=worth) if worth and len(worth) == len(kept) else None
 
 
 def _leaves_less(problem: Problem, fit: Fit, other: Fit) -> bool:

@@ -74,32 +74,34 @@ def test_a_repair_is_the_fit_that_leaves_less_of_free_runs(
 
 
 @pytest.mark.parametrize(
-    ("moves", "leaves", "shows"),
+    ("moves", "without", "named", "listed", "shows"),
     [
-        (3.0, 100.0, False),  # 9 of 99 that are left without it
-        (4.0, 100.0, True),
-        (4.0, 3.0, True),  # little of what is left without any, but of what is left with all that was named
-        (None, 100.0, True),  # cannot be simulated: free runs say nothing
+        (3.0, 100.0, 100.0, 100.0, False),  # 9 of 99 that are left without it
+        (4.0, 100.0, 100.0, 100.0, True),
+        (4.0, 1000.0, 3.0, 1000.0, True),  # little of what is left without any, but of what all names leave
+        (4.0, 1000.0, 1000.0, 3.0, True),  # or listed terms
+        (None, 100.0, 100.0, 100.0, True),  # cannot be simulated: free runs say nothing
     ],
 )
-def test_a_name_that_free_runs_hardly_feel_is_no_claim(moves: float | None, leaves: float, shows: bool) -> None:
+def test_a_name_that_free_runs_hardly_feel_is_no_claim(
+    moves: float | None, without: float, named: float, listed: float, shows: bool
+) -> None:
     """A wave of 0.08 mN.m over a motor's angle, of the background, was cogging, 74 and 86 % sure (151, 1; 127, 5)."""
-    base: Any = SimpleNamespace(chi2=100.0, run=Run({"axis.d": 1.0}), simulated=SimpleNamespace(white=np.zeros(2)))
-    if leaves < 100.0:
-        base.chi2 = 1000.0
+    base: Any = SimpleNamespace(chi2=without, run=Run({"axis.d": 1.0}), simulated=SimpleNamespace(white=np.zeros(2)))
+    terms: Any = SimpleNamespace(chi2=listed)
 
     def simulate(runs: list[Run]) -> Any:
         assert [sorted(run.values) for run in runs] == [["axis.cogging.A", "axis.d"]] * 2
         one = None if moves is None else SimpleNamespace(white=np.array([moves, 0.0]))
-        return [one, SimpleNamespace(white=np.array([0.0, np.sqrt(leaves + 1)]))]
+        return [one, SimpleNamespace(white=np.array([0.0, np.sqrt(named + 1)]))]
 
     at: Any = SimpleNamespace(recorded=np.zeros(2), samples=1, simulate=simulate)
     term: Any = SimpleNamespace(name="axis.cogging", amplitude="axis.cogging.A")
     candidate: Any = SimpleNamespace(term=term, values={"axis.cogging.A": 1.0}, onset=None, evidence=231.0)
     search = Search(named=[Named(candidate, (), 0.0, 161.0, {}, 200.0)])
-    (named,) = free_runs.felt(at, base, search).named
-    assert named.shows == shows
-    assert (confidence(named) >= thresholds.EVEN) == shows
+    (found,) = free_runs.felt(at, base, terms, search).named
+    assert found.shows == shows
+    assert (confidence(found) >= thresholds.EVEN) == shows
 
 
 @pytest.mark.parametrize(

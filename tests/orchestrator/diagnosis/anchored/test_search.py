@@ -89,42 +89,63 @@ def test_beside_a_much_larger_rival_that_does_not_predict_nothing_is_named(
 
 
 @pytest.mark.parametrize(
-    ("evidence", "in_all", "name", "share"),
+    ("cogging", "in_all", "name", "share"),
     [
-        ((2603.0, 2268.0), (1540.0, 1716.0), "cogging", 1540 / 1716),
-        ((2603.0, 2268.0), (1716.0, 1540.0), "ripple", 1540 / 1716),
-        ((2603.0, 1268.0), (1540.0, 1716.0), "ripple", 1268 / 2603),  # not near: not looked at
-        ((2603.0, 2268.0), (None, 1716.0), "cogging", 2603 / 2268),  # the first cannot be simulated
+        (2268.0, (1540.0, 1716.0), "cogging", 1540 / 1716),
+        (2268.0, (1716.0, 1540.0), "ripple", 1540 / 1716),
+        (2268.0, (300.0, 1716.0), "cogging", 1100 / 2268),  # a third is nearer than the other of the two
+        (1268.0, (1540.0, 1716.0), "ripple", 1268 / 2603),  # not near: not looked at
+        (2268.0, (None, 1716.0), "cogging", 2603 / 2268),  # the first cannot be simulated
+        (2268.0, (1540.0, None), "ripple", 2268 / 2603),
     ],
 )
 def test_of_two_terms_that_come_near_in_what_is_linear_that_is_named_which_adds_more_in_all(
-    evidence: tuple[float, float],
-    in_all: tuple[float | None, float],
+    cogging: float,
+    in_all: tuple[float | None, float | None],
     name: str,
     share: float,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A cogging of order 5 along a motion of nearly one current was a torque ripple, 97 % sure (137, 10)"""
     worth = dict(zip(("ripple", "cogging"), in_all, strict=True))
+    open_now: list[Any] = []  # a tracker closes what was followed two calls earlier; a term is followed twice
 
     def candidate(name: str, evidence: float) -> Any:
         return SimpleNamespace(evidence=evidence, term=SimpleNamespace(name=name))
 
-    ripple = Named(candidate("ripple", evidence[0]), (), evidence[1], 2071.0, {})
-    cogging = Named(candidate("cogging", evidence[1]), (), evidence[0], 1744.0, {})
-    nothing: Any = None
+    def follow(self: Searcher, found: Search) -> Any:
+        more = worth[found.named[-1].name] or 0.0
+        at = SimpleNamespace(more=more, gain_over=lambda other: more - other.more)
+        open_now[:] = [*open_now, at][-2:]
+        return at
 
     def added(self: Searcher, found: Search, at: Any, named: Named) -> Any:
-        more = worth[named.name]
-        return None if more is None else (replace(found, named=[replace(named, in_all=more)]), at)
+        with_it = replace(found, named=[replace(named, in_all=worth[named.name] or 0.0)])
+        follow(self, with_it)
+        at = follow(self, with_it)
+        return None if worth[named.name] is None else (with_it, at)
 
+    ripple = Named(candidate("ripple", 2603.0), (), cogging, 2071.0, {})
+    second = Named(candidate("cogging", cogging), (), 2603.0, 1744.0, {})
+    nothing: Any = None
     monkeypatch.setattr(Searcher, "_added", added)
+    monkeypatch.setattr(Searcher, "_follow", follow)
     searcher = Searcher(nothing, nothing, {}, [], lambda words: None, ())
-    found = searcher._best(Search(), nothing, [ripple, cogging])
+    begun = Search(ranking=[[("ripple", 2603.0), ("cogging", cogging), ("supply_sag", 1100.0)]])
+    found = searcher._best(begun, nothing, [ripple, second])
     assert found is not None
     (named,) = found[0].named
     assert named.name == name
     assert named.next_best / named.evidence == pytest.approx(share)
+    assert found[1] in open_now
+
+
+def test_the_search_goes_on_after_two_terms_were_held_against_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the second was followed with had closed the first's units: KeyError in the next round"""
+    following = Searcher._next
+    monkeypatch.setattr(Searcher, "_next", lambda self, found, at: 2 * following(self, found, at))
+    values = {"motor_bldc.cogging.A": 3e-3, "motor_bldc.cogging.n": 7.0, "motor_bldc.cogging.phi_0": 0.8}
+    assert [named.name for named in search(values).named] == ["motor_bldc.cogging"]
 
 
 def test_a_background_alone_is_given_no_name() -> None:

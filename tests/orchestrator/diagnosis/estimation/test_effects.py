@@ -61,7 +61,8 @@ def test_an_effect_settled_at_a_point_is_what_it_was_at_that_point(effect: Effec
     [
         ((2e-5, 1e-4), (1e-12, np.inf), (2e-6, 1e-3)),  # a rotor without inertia had a run take twenty times as long
         ((0.0, 0.02), (0.0, 0.1), (0.0, 0.1)),
-        ((-3.0, -1.0), (-5.0, 5.0), (-5.0, 5.0)),
+        ((-3.0, -1.0), (-5.0, 5.0), (-5.0, -0.1)),
+        ((-0.05, 0.05), (-np.inf, np.inf), (-0.5, 0.5)),
     ],
 )
 def test_a_parameter_beyond_its_tolerance_goes_ten_times_as_far_at_most(

@@ -214,10 +214,10 @@ def test_beside_what_the_motion_names_a_formula_is_looked_for_where_free_runs_wi
         fit = replace(listed.fit, hypothesis=on, x=np.append(listed.fit.x, active.start()))
         return replace(fit, jacobian=np.ones((len(fit.residual), len(fit.x)))), [claimed]
 
-    search = Search(named=[cast(Named, SimpleNamespace(name=name, alike=())) for name in names])
+    search = Search(named=[cast(Named, SimpleNamespace(name=name, alike=(), shows=True)) for name in names])
     monkeypatch.setattr(beyond, "can_follow", lambda campaign, plant: True)
     monkeypatch.setattr(beyond, "follow", lambda campaign, plant, say, in_runs, start: search)
-    monkeypatch.setattr(beyond, "felt", lambda problem, base, search: search)
+    monkeypatch.setattr(beyond, "felt", lambda problem, base, listed, search: search)
     monkeypatch.setattr(engine, "anchored_diagnosis", lambda search, units: Diagnosis("explained", [], {}, {}))
     monkeypatch.setattr(engine, "in_free_runs", lambda problem, found, *_: found)
     monkeypatch.setattr(beyond, "look_for_unmodelled", lambda *_: None)

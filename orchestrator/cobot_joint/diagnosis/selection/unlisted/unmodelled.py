@@ -46,7 +46,7 @@ class Unmodelled:
     """The finding, the fit with it, and the listed terms that stay beside it.
 
     taken: share of what its start leaves. as_good: it leaves less than the listed terms that it would replace, but not
-    so much less that these are wrong. stood_out: whether what its start leaves stands out, as no background does.
+    so much less that these are wrong. stood_out: whether what its start leaves stands out from the noise.
     """
 
     fit: Fit

@@ -172,7 +172,7 @@ static void unit_equations(Unit *m);
 static const double SAMPLE_PERIOD = 1e-3;
 
 #define PI 3.14159265358979323846
-/* tanh to 2e-16, by exp: it is in every evaluation, and libm's own, exact to the last bit of tiny ones, takes three times as long */
+/* tanh to 2e-16, by exp: it is in every evaluation, and libm's own, exact to the last bit of tiny ones, takes twice as long */
 static inline double tanh_by_exp(double x) {
   const double most = 20, size = fabs(x); /* beyond, it is 1 */
   return copysign(size >= most ? 1 : 1 - 2 / (exp(2 * size) + 1), x);

@@ -47,8 +47,8 @@ def felt(problem: Problem, base: Fit, listed: Fit, search: Search) -> Search:
     """With what each named term does to free runs, beside what these leave: without any, with all that was named, or
     with the listed terms.
 
-    The recorded motion shows a wave of a tenth of a milli-newton-metre over a motor's angle, and every motor has one
-    (151, 1; 151, 19; 127, 5 took 0.03 and less of what was left, effects that had been concealed 0.16 and more).
+    The recorded motion shows a wave of a tenth of a milli-newton-metre over a motor's angle, and every drawn background
+    has one (151, 1; 151, 19; 127, 5 took 0.03 and less of what was left, concealed effects 0.16 and more).
     """
     values = {name: estimate.value for name, estimate in search.repaired.items()}
     own = [{n: values.get(n, x) for n, x in named.candidate.values.items()} for named in search.named]

@@ -14,18 +14,10 @@ LONGEST, FASTEST = 0.5, 0.05  # s, s per s; what lies beyond is another signal
 
 
 @dataclass(frozen=True)
-class Reading:
-    """recorded = gain*there + offset.
-
-    reach: the channel's largest value, of which the offset's natural step is a share. drives: whether it is an input;
-    its coordinates are those of there = scale*recorded + shift then, in which what it drives is nearly linear.
-    """
+class OfChannel:
+    """What both have: they act on what is recorded, not on a unit."""
 
     channel: str
-    reach: float
-    drives: bool
-    gain: float = 1.0
-    offset: float = 0.0
 
     @property
     def name(self) -> str:
@@ -36,6 +28,20 @@ class Reading:
     def component(self) -> str:
         """None of the system."""
         return ""
+
+
+@dataclass(frozen=True)
+class Reading(OfChannel):
+    """recorded = gain*there + offset.
+
+    reach: the channel's largest value, of which the offset's natural step is a share. drives: whether it is an input;
+    its coordinates are those of there = scale*recorded + shift then, in which what it drives is nearly linear.
+    """
+
+    reach: float
+    drives: bool
+    gain: float = 1.0
+    offset: float = 0.0
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
@@ -65,22 +71,11 @@ class Reading:
 
 
 @dataclass(frozen=True)
-class Stamps:
+class Stamps(OfChannel):
     """recorded(t) = there(t - late - rate*t). late: s at the beginning of a run; rate: s per s more."""
 
-    channel: str
     late: float = 0.0
     rate: float = 0.0
-
-    @property
-    def name(self) -> str:
-        """The channel."""
-        return self.channel
-
-    @property
-    def component(self) -> str:
-        """None of the system."""
-        return ""
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:

@@ -30,7 +30,7 @@ from cobot_joint.diagnosis.selection.elimination import worth_naming
 from cobot_joint.diagnosis.selection.external_loads import look_for_external_loads, look_for_unlogged_load
 from cobot_joint.diagnosis.selection.misreading import Misread, look_for_misreading
 from cobot_joint.diagnosis.selection.mistimed import look_for_mistiming
-from cobot_joint.diagnosis.selection.outside import Outside, look_outside
+from cobot_joint.diagnosis.selection.outside import Outside, in_place_of, look_outside
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.some_recordings import some_of
 from cobot_joint.diagnosis.selection.stepwise import Selector
@@ -141,6 +141,8 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     along = found.anchored and (found.anchored.claims or not problem.stands_out(found.calibrated.residual))
     if found.outside or (found.unmodelled and not is_formula) or along or (found.background and not found.selected):
         return found
+    if is_formula and (instead := _parameter_in_place(problem, found, say)):
+        return instead
     select = Selector(problem, scan, say).select
     listed = (found.selection.fit, found.selection.selected) if is_formula else (found.fit, found.selected)
     outside = problem.budget.spend(
@@ -158,6 +160,18 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     explained = Explanation(found.calibrated, told.fit, told.selection, told.selection.selected)
     rival = beside if beside and beside.as_good else None
     return replace(explained, outside=told, unmodelled=beside if both else None, rival=rival, misread=as_good)
+
+
+def _parameter_in_place(problem: Problem, found: Explanation, say: Progress) -> Explanation | None:
+    """The parameter that leaves no more than a formula does, and the listed terms beside it; None: there is none."""
+    calibrated, formula = found.calibrated, found.unmodelled
+    assert formula is not None
+    outside = problem.budget.spend(
+        "parameters outside their tolerances", lambda: in_place_of(problem, calibrated, formula, say)
+    )
+    if outside is None:
+        return None
+    return Explanation(calibrated, outside.fit, outside.selection, outside.selection.selected, outside=outside)
 
 
 def _found_beside_it(problem: Problem, found: Explanation, listed: Selection) -> Explanation:

@@ -146,9 +146,10 @@ class Driven(Axis):
         return super().simulate({**own, "axis.k": own.pop("drive.k", NOMINAL["axis.k"])}, recording, **others)
 
 
-def weak_drive(windage: float = 0.0, eddy_currents: float = 0.0) -> Campaign:
-    """The torque constant is 0.7 of nominal. eddy_currents: twice the torque at 15 rad/s, N.m; no term has them."""
-    truth, rng = OFF | {"drive.k": 0.7 * NOMINAL["axis.k"], "axis.windage.c": windage}, np.random.default_rng(1)
+def weak_drive(windage: float = 0.0, eddy_currents: float = 0.0, k: float = 0.7) -> Campaign:
+    """The torque constant is 0.7 of nominal, or k. eddy_currents: twice the torque at 15 rad/s, N.m;
+    no term has them."""
+    truth, rng = OFF | {"drive.k": k * NOMINAL["axis.k"], "axis.windage.c": windage}, np.random.default_rng(1)
     case, plant = campaign(OFF), Driven()
     for recording in case.recordings:
         clean = plant.simulate(truth, recording)

@@ -19,7 +19,10 @@ from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit, predicted_decrease
 from cobot_joint.diagnosis.estimation.problem import Block, Problem, Vector
 
-WINDOWS = (128, 32)  # samples that are averaged, one after the other: the wider, the fewer local minima
+WIDEST = 256  # samples that are averaged: the wider, the fewer local minima. From 128 on, four starts of five ended out
+# of step with a brake that lets go late; from 256 on, none did
+NARROWER = 4  # times, the window of the next
+SLOW = 32  # samples, the same where only the slow part of a residual is asked for
 LEAST = 20  # windows that a recording must have
 ON_THE_WAY = Precision(settled=10.0, roughly=0.02, steps=8, jacobians=1)  # of the slow parts' fits
 FAR = 0.03  # of the slow residual above noise, that a re-fit would take: of 45 calibrations on ../shared 8 have more,
@@ -58,11 +61,11 @@ def out_of_local_minimum(problem: Problem, found: Fit, precision: Precision) -> 
 
     The question costs no simulation: the fit's own Jacobian, averaged, predicts what the slow residual would lose.
     """
-    scales = _scales(problem)
-    if not any(_is_far(slow, found) for slow in scales):
+    slowest_first = scales(problem)
+    if not any(_is_far(slow, found) for slow in slowest_first):
         return found
     at = found
-    for slow in scales:
+    for slow in slowest_first:
         known = slow.of(found.jacobian) if at is found else None
         begun = fit(slow, found.hypothesis, at.x, known, ON_THE_WAY)
         if begun is None or (_is_far(slow, found) and not _lost(slow, found, begun.chi2)):
@@ -74,7 +77,7 @@ def out_of_local_minimum(problem: Problem, found: Fit, precision: Precision) -> 
 
 def slow_first(problem: Problem, hypothesis: Hypothesis, x: Vector, precision: Precision) -> Fit | None:
     """A fit that begins far from where it belongs. None: the start cannot be simulated."""
-    for slow in _scales(problem):
+    for slow in scales(problem):
         begun = fit(slow, hypothesis, x, None, ON_THE_WAY)
         if begun is None:
             return None
@@ -83,14 +86,20 @@ def slow_first(problem: Problem, hypothesis: Hypothesis, x: Vector, precision: P
 
 
 def slow_part(problem: Problem) -> Averaged | None:
-    """The narrowest window's means. None: the recordings are too short."""
-    return next(reversed(_scales(problem)), None)
+    """Means over SLOW samples; None: the recordings are too short."""
+    return Averaged(problem, SLOW) if _widest(problem) >= SLOW else None
 
 
-def _scales(problem: Problem) -> list[Averaged]:
-    """Those that the recordings are long enough for, the slowest first."""
+def scales(problem: Problem) -> list[Averaged]:
+    """The widest window that the recordings are long enough for, and a narrower one; none where they are short."""
+    widest = min(_widest(problem), WIDEST)
+    return [Averaged(problem, window) for window in (widest, widest // NARROWER)] if widest >= SLOW else []
+
+
+def _widest(problem: Problem) -> int:
+    """Samples in a window of which every recording has LEAST; a power of two."""
     shortest = min(len(recording.time) for recording in problem.recordings)
-    return [Averaged(problem, window) for window in WINDOWS if shortest >= LEAST * window]
+    return 2 ** int(np.log2(max(shortest / LEAST, 1.0)))
 
 
 def _is_far(slow: Averaged, found: Fit) -> bool:

@@ -68,7 +68,8 @@ class BeyondTheList:
         if found and self._supports_listed(found, formula):
             return self._of_listed(self._stands, anchored=found, rival=rival)
         if formula and formula.is_likely and ((outdone and not (found and lost)) or not self._claims(found, formula)):
-            return self._of(formula)
+            pair = self._together(formula, formula) if self._is_lost(formula) else None
+            return self._of(pair.formula, pair.outside) if pair else self._of(formula)
         if found and (any(n.shows for n in found.named) or not self._stands):
             return self._beside_the_claimed(found) or self._of_listed([], anchored=found)
         return self._of_what_is_worth_a_name(rival)
@@ -103,9 +104,13 @@ class BeyondTheList:
     def _pair(self, formula: Unmodelled | None, rival: Unmodelled | None) -> Pair | None:
         """What is on no list, and a listed term or a parameter, where listed terms leave what stands out, and the best
         formula does, too: neither may show what it is without the other. Where listed terms take most, beside such a
-        formula only."""
+        formula only. What goes by an angle that free runs lose is asked of the motion first."""
         likely = next((f for f in (formula, rival) if f and f.is_likely), None)
-        if not self.much or self.given or self.problem.is_table or (likely and self._is_lost(likely)):
+        return None if likely and self._is_lost(likely) else self._together(formula, likely)
+
+    def _together(self, formula: Unmodelled | None, likely: Unmodelled | None) -> Pair | None:
+        """likely: the formula, or a rival of listed terms, if one of them is."""
+        if not self.much or self.given or self.problem.is_table:
             return None
         out = self.stands_out and (likely is None or self.problem.stands_out(likely.fit.residual))
         alone = likely is not None and not likely.selected

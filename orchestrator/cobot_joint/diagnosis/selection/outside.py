@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cobot_joint.diagnosis import thresholds
-from cobot_joint.diagnosis.estimation.effects import FreeParameter
+from cobot_joint.diagnosis.estimation.effects import FreeParameter, PortSignal
 from cobot_joint.diagnosis.estimation.fit import AT_BOUND, Fit
 from cobot_joint.diagnosis.estimation.least_squares import fit, predicted_decrease
 from cobot_joint.diagnosis.estimation.problem import Problem
@@ -20,7 +20,7 @@ from cobot_joint.diagnosis.findings import Estimate, Finding
 from cobot_joint.diagnosis.localization.evidence import where_it_gains
 from cobot_joint.diagnosis.selection.competition import finished
 from cobot_joint.diagnosis.selection.confidence import beside_background, confidence
-from cobot_joint.diagnosis.selection.elimination import kept_beside, without_terms
+from cobot_joint.diagnosis.selection.elimination import kept_beside, without, without_terms
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 
@@ -117,6 +117,19 @@ def look_outside(
             say(f"{found.name} outside its tolerance leaves no more")
             return found
     return _beside(problem, calibrated, explained, selected, say) if beside and selected else None
+
+
+def in_place_of(problem: Problem, calibrated: Fit, formula: Unmodelled, say: Say) -> Outside | None:
+    """The parameter that leaves no more than a formula does beside listed terms: a voltage that goes as the current is
+    a resistance (127, 12). None: there are no such terms, or no such parameter."""
+    rest = without(problem, formula.fit, lambda effect: isinstance(effect, PortSignal)) if formula.selected else None
+    least = thresholds.HOLDS * (rest.chi2 - problem.samples) if rest is not None else 0.0
+    best = leaves_least(problem, rest, least) if rest is not None else None
+    if best is None or rest is None or formula.outdoes(problem, best):
+        return None
+    found = Outside(Selection([calibrated, best], formula.selected), rest.cost - best.cost, ())
+    say(f"{found.name} outside its tolerance leaves no more than the signal at {formula.finding.component}")
+    return found
 
 
 def _with_terms(problem: Problem, best: Fit, select: Select) -> Selection:

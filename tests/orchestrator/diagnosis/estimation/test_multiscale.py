@@ -16,7 +16,7 @@ from cobot_joint.diagnosis.estimation.effects import BaseParameter
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit
-from cobot_joint.diagnosis.estimation.multiscale import LEAST, WINDOWS, Averaged, out_of_local_minimum
+from cobot_joint.diagnosis.estimation.multiscale import LEAST, SLOW, Averaged, out_of_local_minimum, scales
 from cobot_joint.diagnosis.estimation.noise import Noise
 from cobot_joint.diagnosis.estimation.problem import Problem, Run
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
@@ -84,9 +84,15 @@ def test_a_fit_that_is_where_it_belongs_costs_no_simulation() -> None:
 
 
 def test_a_recording_of_some_windows_only_is_left_as_it_is() -> None:
-    problem = stop(0.005, samples=(LEAST - 1) * min(WINDOWS))
+    problem = stop(0.005, samples=(LEAST - 1) * SLOW)
     stuck = fitted(problem)
     assert out_of_local_minimum(problem, stuck, PRECISION) is stuck
+
+
+@pytest.mark.parametrize(("samples", "windows"), [(639, []), (640, [32, 8]), (3000, [128, 32]), (40000, [256, 64])])
+def test_windows_are_as_wide_as_a_recording_allows(samples: int, windows: list[int]) -> None:
+    """From 128 on, a brake that lets go late was found from two starts of five, from 256 on from all (31, 44)."""
+    assert [slow.window for slow in scales(stop(0.005, samples))] == windows
 
 
 def test_averaged_rows_keep_the_variance_of_white_noise_and_what_was_not_recorded_is_left_out() -> None:

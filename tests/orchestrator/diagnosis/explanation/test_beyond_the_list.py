@@ -183,6 +183,28 @@ def test_a_form_found_together_with_a_term_is_the_answer_but_over_an_angle_where
     assert [f.term for f in diagnose_plant(drifting(), Axis()).findings] == named
 
 
+@pytest.mark.parametrize("claimed", [True, False])
+def test_a_form_over_an_angle_that_leaves_what_stands_out_has_a_term_beside_it_where_the_motion_claims_nothing(
+    claimed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside a motor's rough places, 16 times the background, a sensor's ripple of 19 times was missed (127, 7)."""
+    feature = Feature(Product((Factor("x", "sin"),)), Estimate(1.0, "N.m", (0.9, 1.1)))
+    finding = Finding(FORMULA, (), 0.9, None, {}, {}, 1e3, shape=Form("axis.tau_add", "N.m", (), (feature,), 0.9))
+
+    def together(problem: Problem, listed: Selection, formula: Unmodelled, *_: object) -> Pair:
+        assert formula.finding is finding
+        return Pair(replace(formula, finding=replace(finding, equivalent=("beside.unlisted",))))
+
+    monkeypatch.setattr(beyond, "can_follow", lambda campaign, plant: True)
+    monkeypatch.setattr(beyond, "follow", lambda campaign, plant, say, in_runs, start: Search())
+    monkeypatch.setattr(beyond, "look_for_unmodelled", lambda problem, fit, *_: Unmodelled(fit, [], finding, 0.9))
+    monkeypatch.setattr(beyond, "look_together", together)
+    monkeypatch.setattr(engine, "look_outside", lambda *_: None)
+    monkeypatch.setattr(Search, "claims", property(lambda self: claimed))
+    found = diagnose_plant(drifting(), Axis()).findings
+    assert [f.equivalent for f in found] == ([] if claimed else [("beside.unlisted",)])
+
+
 @pytest.mark.parametrize("why", ["little is left", "it does not stand out"])
 def test_a_term_and_a_form_are_not_looked_for_together_where(why: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """What such a search costs is the time of all others."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal
 
 import pytest
@@ -16,8 +17,9 @@ from cobot_joint.diagnosis.estimation.problem import Problem, one_blas_thread
 from cobot_joint.diagnosis.findings import Estimate
 from cobot_joint.diagnosis.selection.competition import finished
 from cobot_joint.diagnosis.selection.elimination import kept_beside
-from cobot_joint.diagnosis.selection.outside import Outside, held, leaves_least, look_outside
+from cobot_joint.diagnosis.selection.outside import Outside, held, in_place_of, leaves_least, look_outside
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
+from cobot_joint.diagnosis.selection.unlisted.unmodelled import look_at_ports
 from cobot_joint.diagnosis.store import Store
 from tests.orchestrator.diagnosis.axis import NOMINAL, Axis, Driven, campaign, weak_drive
 
@@ -80,6 +82,30 @@ def test_beside_listed_terms_it_makes_needless_what_stood_in_for_it_and_held_aga
     assert [e.name for e in inside.hypothesis.effects] == ["axis.windage"]
     assert inside.run.values["drive.k"] == pytest.approx(0.9 * NOMINAL["axis.k"])
     assert inside.cost > fit.cost + problem.evidence
+
+
+@pytest.mark.parametrize("k", [0.7, 1.0], ids=["a data sheet", "eddy currents"])
+def test_a_formula_beside_a_listed_term_that_a_parameter_leaves_no_more_than_is_that_parameter(k: float) -> None:
+    """A voltage of 0.134 ohm times the current, beside load friction, was on no list (127, 12)."""
+    case, plant = weak_drive(windage=2e-4, k=k, eddy_currents=0.0 if k < 1 else 0.3), Driven()
+    with one_blas_thread():
+        problem, base = calibrate(case, plant, lambda words: None, Store(None))
+        term = next(t for t in plant.terms if t.name == "axis.windage")
+        listed = fit_added(problem, base, [ActiveTerm(term, {term.amplitude: 1e-4})], finished(1))
+        assert listed is not None
+        formula = look_at_ports(problem, listed, [Selected(term.name, base.cost - listed.cost)], lambda words: None)
+        assert formula is not None
+        found = in_place_of(problem, base, formula, lambda words: None)
+        alone = in_place_of(problem, base, replace(formula, selected=[]), lambda words: None)
+    assert alone is None  # of a formula alone `look_outside` asks
+    assert (found is not None) == (k < 1)
+    if found is not None:
+        assert found.name == "drive.k"
+        values = found.fit.run.values  # but for a factor that torques and inertia share
+        ratio = values["drive.k"] / values["axis.windage.c"]
+        assert ratio == pytest.approx(k * NOMINAL["axis.k"] / 2e-4, rel=0.01)
+        assert found.fit.chi2 < 1.1 * problem.samples
+        assert [s.term for s in found.selection.selected] == ["axis.windage"]
 
 
 @pytest.mark.parametrize("needed", [False, True])

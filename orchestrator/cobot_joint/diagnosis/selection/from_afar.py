@@ -19,6 +19,7 @@ from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.selection.competition import finished
 
 SIZES = tuple(2.0**k for k in range(-2, 6))  # times that whose response, in proportion, were as large as what is left
+OF_ITS_END = tuple(2.0**k for k in range(1, 8))  # parts of a bound, where most of these lie beyond it
 FITTED = 2  # of the leading terms
 
 
@@ -58,9 +59,13 @@ def look_from_afar(problem: Problem, best: Fit, columns: Sequence[Column]) -> di
 
 
 def _sizes(column: Column, best: Fit) -> list[ActiveTerm]:
-    """The term at sizes of either sign, as far as it may be."""
+    """The term at sizes of either sign, as far as it may be: a gear that gives way is soft from little of it on."""
     (response,), term = column.vectors, column.term
     as_large = float(np.sqrt(best.chi2 / (response @ response)))
-    sizes = [term.neutral + sign * k * as_large for sign in (1, -1) for k in SIZES]
+    sizes = [term.neutral + k * as_large for k in SIZES if term.neutral + k * as_large <= term.upper]
+    sizes += [term.neutral - k * as_large for k in SIZES if term.neutral - k * as_large >= term.lower]
+    if len(sizes) < len(SIZES):  # a little of it does far more than its sensitivity says
+        ends = [end - term.neutral for end in (term.lower, term.upper) if np.isfinite(end) and end != term.neutral]
+        sizes = [term.neutral + end / k for end in ends for k in OF_ITS_END]
     values = {**column.shape, term.amplitude: 0.0}
-    return [ActiveTerm(term, {**values, term.amplitude: x}) for x in sizes if term.lower <= x <= term.upper]
+    return [ActiveTerm(term, {**values, term.amplitude: x}) for x in sizes]

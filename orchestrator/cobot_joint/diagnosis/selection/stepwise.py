@@ -63,7 +63,12 @@ class Selector:
 
     def select(self, calibrated: Fit, basis: object = None) -> Selection:
         """From the base model up. basis: what, beside the store's own, the result depends on."""
-        so_far = Selection([calibrated])
+        so_far = self._forward(Selection([calibrated]), basis)
+        instead = self._one_instead(so_far)
+        return self._forward(instead, basis) if instead else so_far
+
+    def _forward(self, so_far: Selection, basis: object) -> Selection:
+        """Round by round, until one adds nothing."""
         while not so_far.done and len(so_far.selected) < thresholds.MOST_TERMS:
             if not self.problem.unexplained(so_far.fit.residual):
                 break
@@ -76,6 +81,21 @@ class Selector:
             so_far = found
             self.scan.probe, self.scan.indistinguishable = dict(so_far.probes), dict(so_far.indistinguishable)
         return so_far
+
+    def _one_instead(self, so_far: Selection) -> Selection | None:
+        """One term, seen from afar, that leaves less than several which leave what stands out: a gear that gives way
+        was a brake that fades, a load, and a sensor's gain (157, 18)."""
+        base = so_far.history[0]
+        if len(so_far.selected) < 2 or self.given or not self.problem.stands_out(so_far.fit.residual):
+            return None
+        look = partial(look_from_afar, self.problem, base, self._columns or self.scan.columns(base))
+        found = self.problem.budget.spend("one term instead of several", look) or {}
+        name, one = next(iter(found.items()), ("", base))
+        if one.cost >= so_far.fit.cost:
+            return None
+        self.progress(f"{name} alone leaves less than the terms above")
+        selected = [Selected(name, base.cost - one.cost)]
+        return replace(so_far, history=[base, one], selected=selected, ranking=so_far.ranking[:1], done=False)
 
     def round(self, so_far: Selection) -> Selection:
         """One term more, or done."""

@@ -47,3 +47,10 @@ def test_a_term_that_helps_at_no_size_is_simulated_and_not_fitted() -> None:
     before = problem.runs
     assert look_from_afar(problem, best, [replace(column, term=other)]) == {}
     assert 0 < problem.runs - before <= 2 * len(SIZES)
+
+
+def test_where_a_term_is_larger_than_its_bounds_before_it_shows_parts_of_its_bounds_are_tried() -> None:
+    """A gear that gives way, 11 times the background, has -0.6e6; its sensitivity asked for -12e6 (157, 18)."""
+    problem, best, column = beside_the_base_model(TRUE)
+    faint = replace(column, vectors=(1e-6 * column.vectors[0],))
+    assert look_from_afar(problem, best, [faint])["stop.late"].run.values[LATE.name] == pytest.approx(TRUE, abs=1e-4)

@@ -16,6 +16,7 @@ from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit, fit_added
 from cobot_joint.diagnosis.estimation.noise import Noise
 from cobot_joint.diagnosis.estimation.problem import Problem
+from cobot_joint.diagnosis.selection import stepwise
 from cobot_joint.diagnosis.selection.competition import Competition
 from cobot_joint.diagnosis.selection.elimination import prune, without_needless
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
@@ -150,6 +151,26 @@ def test_of_what_stands_out_it_is_enough_that_a_further_term_does_well_as_it_is(
     monkeypatch.setattr(Competition, "sized", lambda self, best, active: (active, best.chi2 - takes * above))
     selector = Selector(problem, Scan(problem, TERMS), lambda words: None)
     assert selector._is_background(base, ranked) == background
+
+
+@pytest.mark.parametrize(("stands_out", "instead"), [(True, ["axis.cogging"]), (False, None)])
+def test_one_term_that_leaves_less_than_several_which_leave_what_stands_out_takes_their_place(
+    stands_out: bool, instead: list[str] | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A gear that gives way was a brake that fades, a load, and a sensor's gain (157, 18)."""
+    problem, base = refitted(campaign(TRUE))
+    patches = [
+        fit_added(problem, base, [ActiveTerm(t, {t.amplitude: 1e-5})], Precision()) for t in (ASYMMETRY, WINDAGE)
+    ]
+    right = fit_added(problem, base, [ActiveTerm(COGGING, TRUE)], Precision())
+    assert right is not None
+    assert patches[0] is not None
+    assert patches[1] is not None
+    several = Selection([base, *patches], [Selected("axis.asymmetry", 600.0), Selected("axis.windage", 600.0)])
+    monkeypatch.setattr(Problem, "stands_out", lambda self, residual: stands_out)
+    monkeypatch.setattr(stepwise, "look_from_afar", lambda *_: {"axis.cogging": right})
+    found = Selector(problem, Scan(problem, TERMS), lambda words: None)._one_instead(several)
+    assert (None if found is None else [s.term for s in found.selected]) == instead
 
 
 def test_terms_that_explain_less_than_what_stays_unexplained_are_pruned() -> None:

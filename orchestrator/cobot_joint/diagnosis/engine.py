@@ -138,17 +138,22 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     if misread and misread.beats(problem, found.fit):
         return _channel_or_parameter(problem, found.selection.up_to(0), misread, say)
     is_formula = found.unmodelled is not None and found.unmodelled.may_be_a_data_sheet
-    along = found.anchored and (found.anchored.claims or not problem.stands_out(found.calibrated.residual))
+    claimed = _claimed_parameters(problem, found)
+    settled = found.anchored and found.anchored.claims and not claimed
+    along = found.anchored and (settled or not problem.stands_out(found.calibrated.residual))
     if found.outside or (found.unmodelled and not is_formula) or along or (found.background and not found.selected):
         return found
     if is_formula and (instead := _parameter_in_place(problem, found, say)):
         return instead
     select = Selector(problem, scan, say).select
-    listed = (found.selection.fit, found.selection.selected) if is_formula else (found.fit, found.selected)
+    every = is_formula or bool(claimed)
+    listed = (found.selection.fit, found.selection.selected) if every else (found.fit, found.selected)
     outside = problem.budget.spend(
         "parameters outside their tolerances",
         lambda: look_outside(problem, found.calibrated, *listed, select, say),
     )
+    if claimed and not (isinstance(outside, Outside) and outside.name in claimed):
+        return found
     if isinstance(outside, Selection):
         return _found_beside_it(problem, found, outside)
     if outside is None or (found.unmodelled and _stands_before(problem, found.unmodelled, outside)):
@@ -160,6 +165,14 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     explained = Explanation(found.calibrated, told.fit, told.selection, told.selection.selected)
     rival = beside if beside and beside.as_good else None
     return replace(explained, outside=told, unmodelled=beside if both else None, rival=rival, misread=as_good)
+
+
+def _claimed_parameters(problem: Problem, found: Explanation) -> set[str]:
+    """Where the recorded motion claims nothing but parameters outside their tolerances, these: free runs with one of
+    them may show listed terms beside it (53, 23)."""
+    search = found.anchored
+    named = {n.name for n in search.named} if search and search.claims and not found.selected else set()
+    return named if named <= set(problem.plant.parameters) else set()
 
 
 def _parameter_in_place(problem: Problem, found: Explanation, say: Progress) -> Explanation | None:

@@ -51,6 +51,15 @@ def test_where_terms_leave_more_than_noise_and_the_motion_gives_none_a_name_a_ba
     assert found.to_json()["discrepancy"] == stated
 
 
+def damping_outside(problem: Problem, calibrated: Fit, *_: object) -> Outside:
+    """The damping outside its tolerance, whatever the recordings are."""
+    base = next(b for b in calibrated.hypothesis.base if b.parameter.name == "axis.d")
+    free = calibrated.hypothesis.with_effects(FreeParameter(base, NOMINAL["axis.d"]))
+    fit = replace(calibrated, hypothesis=free, x=np.append(calibrated.x, 0.0))
+    wider = replace(fit, jacobian=np.column_stack([fit.jacobian, np.ones(len(fit.residual))]))
+    return Outside(Selection([wider]), 1e3, ())
+
+
 def never(*_: object) -> None:
     raise AssertionError
 
@@ -75,6 +84,25 @@ def test_a_claim_along_the_recorded_motion_is_not_held_against_a_data_sheet(
     monkeypatch.setattr(engine, "look_outside", lambda *_: asked.append(True))
     diagnose_plant(drifting(), Axis())
     assert bool(asked) != claimed
+
+
+@pytest.mark.parametrize(("name", "named"), [("axis.d", ["axis.d"]), ("axis.J", []), ("axis.windage", [])])
+def test_a_parameter_that_the_motion_claims_is_let_go_of_in_free_runs_which_may_show_terms_beside_it(
+    name: str, named: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A brake's hysteresis, eleven times the background, was missed beside a rotor's inertia (53, 23)."""
+    search = Search(named=[cast(Named, SimpleNamespace(name=name, alike=(), shows=True))])
+    monkeypatch.setattr(beyond, "can_follow", lambda campaign, plant: True)
+    monkeypatch.setattr(beyond, "follow", lambda campaign, plant, say, in_runs, start: search)
+    monkeypatch.setattr(beyond, "felt", lambda problem, base, listed, search: search)
+    monkeypatch.setattr(beyond, "beside_listed", lambda *_: None)
+    monkeypatch.setattr(beyond, "look_for_unmodelled", lambda *_: None)
+    monkeypatch.setattr(Search, "claims", property(lambda self: True))
+    monkeypatch.setattr(engine, "anchored_diagnosis", lambda search, units: Diagnosis("explained", [], {}, {}))
+    monkeypatch.setattr(engine, "in_free_runs", lambda problem, found, *_: found)
+    monkeypatch.setattr(engine, "look_outside", damping_outside)
+    monkeypatch.setattr(engine, "look_beside_parameter", lambda *_: None)
+    assert [f.term for f in diagnose_plant(drifting(), Axis()).findings] == named
 
 
 @pytest.mark.parametrize(
@@ -124,15 +152,8 @@ def test_a_formula_that_leaves_less_gives_way_to_a_parameter_outside_its_toleran
     feature = Feature(Product((Factor("x", "u3"),)), Estimate(1.0, "N.m", (0.9, 1.1)))
     finding = Finding(FORMULA, (), 0.9, None, {}, {}, 1e3, shape=Form("axis.tau_add", "N.m", (), (feature,), 0.9))
 
-    def outside(problem: Problem, calibrated: Fit, *_: object) -> Outside:
-        base = next(b for b in calibrated.hypothesis.base if b.parameter.name == "axis.d")
-        free = calibrated.hypothesis.with_effects(FreeParameter(base, NOMINAL["axis.d"]))
-        fit = replace(calibrated, hypothesis=free, x=np.append(calibrated.x, 0.0))
-        wider = replace(fit, jacobian=np.column_stack([fit.jacobian, np.ones(len(fit.residual))]))
-        return Outside(Selection([wider]), 1e3, ())
-
     monkeypatch.setattr(beyond, "look_for_unmodelled", lambda problem, fit, *_: Unmodelled(fit, [], finding, 0.9))
-    monkeypatch.setattr(engine, "look_outside", outside)
+    monkeypatch.setattr(engine, "look_outside", damping_outside)
     monkeypatch.setattr(engine, "look_beside_parameter", lambda *_: None)
     monkeypatch.setattr(engine, "remains", lambda *_: [10.0, 1.0])
     monkeypatch.setattr(Unmodelled, "outdoes", lambda self, problem, other: False)

@@ -176,7 +176,7 @@ def _claimed_parameters(problem: Problem, found: Explanation) -> set[str]:
 
 
 def _parameter_in_place(problem: Problem, found: Explanation, say: Progress) -> Explanation | None:
-    """The parameter that leaves no more than a formula does, and the listed terms beside it; None: there is none."""
+    """The parameter that does as well as a formula, and the listed terms beside it; None: there is none."""
     calibrated, formula = found.calibrated, found.unmodelled
     assert formula is not None
     outside = problem.budget.spend(

@@ -120,15 +120,15 @@ def look_outside(
 
 
 def in_place_of(problem: Problem, calibrated: Fit, formula: Unmodelled, say: Say) -> Outside | None:
-    """The parameter that leaves no more than a formula does beside listed terms: a voltage that goes as the current is
-    a resistance (127, 12). None: there are no such terms, or no such parameter."""
+    """The parameter that does as well as a formula beside listed terms, which does not outdo it: a voltage that goes as
+    the current is a resistance (127, 12). None: there are no such terms, or no such parameter."""
     rest = without(problem, formula.fit, lambda effect: isinstance(effect, PortSignal)) if formula.selected else None
     least = thresholds.HOLDS * (rest.chi2 - problem.samples) if rest is not None else 0.0
     best = leaves_least(problem, rest, least) if rest is not None else None
     if best is None or rest is None or formula.outdoes(problem, best):
         return None
     found = Outside(Selection([calibrated, best], formula.selected), rest.cost - best.cost, ())
-    say(f"{found.name} outside its tolerance leaves no more than the signal at {formula.finding.component}")
+    say(f"{found.name} outside its tolerance does as well as the signal at {formula.finding.component}")
     return found
 
 

@@ -30,7 +30,7 @@ from cobot_joint.diagnosis.selection.elimination import worth_naming
 from cobot_joint.diagnosis.selection.external_loads import look_for_external_loads, look_for_unlogged_load
 from cobot_joint.diagnosis.selection.misreading import Misread, look_for_misreading
 from cobot_joint.diagnosis.selection.mistimed import look_for_mistiming
-from cobot_joint.diagnosis.selection.outside import Outside, in_place_of, look_outside
+from cobot_joint.diagnosis.selection.outside import Outside, Select, in_place_of, let_go, look_outside
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.some_recordings import some_of
 from cobot_joint.diagnosis.selection.stepwise import Selector
@@ -138,41 +138,53 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     if misread and misread.beats(problem, found.fit):
         return _channel_or_parameter(problem, found.selection.up_to(0), misread, say)
     is_formula = found.unmodelled is not None and found.unmodelled.may_be_a_data_sheet
-    claimed = _claimed_parameters(problem, found)
-    settled = found.anchored and found.anchored.claims and not claimed
-    along = found.anchored and (settled or not problem.stands_out(found.calibrated.residual))
+    select = Selector(problem, scan, say).select
+    if beside := _beside_claimed(problem, found, select, say):
+        return beside
+    along = found.anchored and (found.anchored.claims or not problem.stands_out(found.calibrated.residual))
     if found.outside or (found.unmodelled and not is_formula) or along or (found.background and not found.selected):
         return found
     if is_formula and (instead := _parameter_in_place(problem, found, say)):
         return instead
-    select = Selector(problem, scan, say).select
-    every = is_formula or bool(claimed)
-    listed = (found.selection.fit, found.selection.selected) if every else (found.fit, found.selected)
+    listed = (found.selection.fit, found.selection.selected) if is_formula else (found.fit, found.selected)
     outside = problem.budget.spend(
         "parameters outside their tolerances",
         lambda: look_outside(problem, found.calibrated, *listed, select, say),
     )
-    if claimed and not (isinstance(outside, Outside) and outside.name in claimed):
-        return found
     if isinstance(outside, Selection):
         return _found_beside_it(problem, found, outside)
     if outside is None or (found.unmodelled and _stands_before(problem, found.unmodelled, outside)):
         return found
     as_good = misread if misread and misread.as_good(problem, found.calibrated, outside.gain) else None
+    return replace(_with_formula(problem, found.calibrated, outside, say), misread=as_good)
+
+
+def _with_formula(problem: Problem, calibrated: Fit, outside: Outside, say: Progress) -> Explanation:
+    """A parameter outside its tolerance, and the formula that is missing beside it, if there is one."""
     beside = problem.budget.spend("formulas", lambda: look_beside_parameter(problem, outside.selection, say))
     both = outside.with_formula(problem, beside) if beside and not beside.as_good else None
     told = both or outside
-    explained = Explanation(found.calibrated, told.fit, told.selection, told.selection.selected)
+    explained = Explanation(calibrated, told.fit, told.selection, told.selection.selected)
     rival = beside if beside and beside.as_good else None
-    return replace(explained, outside=told, unmodelled=beside if both else None, rival=rival, misread=as_good)
+    return replace(explained, outside=told, unmodelled=beside if both else None, rival=rival)
 
 
-def _claimed_parameters(problem: Problem, found: Explanation) -> set[str]:
-    """Where the recorded motion claims nothing but parameters outside their tolerances, these: free runs with one of
-    them may show listed terms beside it (53, 23)."""
-    search = found.anchored
-    named = {n.name for n in search.named} if search and search.claims and not found.selected else set()
-    return named if named <= set(problem.plant.parameters) else set()
+def _beside_claimed(problem: Problem, found: Explanation, select: Select, say: Progress) -> Explanation | None:
+    """Where the recorded motion claims nothing but one parameter outside its tolerance, that one in free runs, which
+    may show listed terms or a formula beside it (53, 23; 163, 27). None: they take less than half with it."""
+    search, calibrated = found.anchored, found.calibrated
+    if search is None or not search.claims or found.selected or len(search.named) != 1:
+        return None
+    name = search.named[0].name
+    if name not in problem.plant.parameters or name not in search.repaired:
+        return None
+    free = partial(let_go, problem, calibrated, name, search.repaired[name].value, select)
+    outside = problem.budget.spend("parameters outside their tolerances", free)
+    if outside is None:
+        return None
+    beside = _with_formula(problem, calibrated, outside, say)
+    enough = thresholds.HOLDS * (calibrated.chi2 - problem.samples)
+    return beside if calibrated.cost - beside.fit.cost >= enough else None
 
 
 def _parameter_in_place(problem: Problem, found: Explanation, say: Progress) -> Explanation | None:

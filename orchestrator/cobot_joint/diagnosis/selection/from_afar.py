@@ -7,6 +7,7 @@ impacts are out of step the residual is no smaller for the right size. What is s
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,10 +24,13 @@ OF_ITS_END = tuple(2.0**k for k in range(1, 8))  # parts of a bound, where most 
 FITTED = 2  # of the leading terms
 
 
-def look_from_afar(problem: Problem, best: Fit, columns: Sequence[Column]) -> dict[str, Fit]:
+def look_from_afar(
+    problem: Problem, best: Fit, columns: Sequence[Column], onset: float | None = None
+) -> dict[str, Fit]:
     """Fits of the leading terms beside `best`, by term, the lowest cost first; none that is no better.
 
     columns: one of each term is tried. Waves are not: free runs lose the angle that they go by.
+    onset: s; from when on they act. None: always.
     """
     at, number = best.settled(), int(np.argmax(problem.above_noise(best.residual)))
     one = problem.part([number])  # says as much as all of them
@@ -35,7 +39,7 @@ def look_from_afar(problem: Problem, best: Fit, columns: Sequence[Column]) -> di
         return {}
     first = {c.term.name: c for c in reversed(columns) if c.term.phase is None and not c.term.episode}
     there = [c for c in first.values() if problem.plant.has(c.term.name, problem.recordings[number])]
-    tried = [active for column in there for active in _sizes(column, best)]
+    tried = [replace(active, onset=onset) for column in there for active in _sizes(column, best)]
     simulated = one.simulate([at.hypothesis.with_effects(a).run(np.concatenate([at.x, a.start()])) for a in tried])
     before = float(np.sum(slow.of(at.residual[problem.rows_of([number])]) ** 2))
     takes: dict[str, tuple[float, ActiveTerm]] = {}
@@ -62,10 +66,15 @@ def _sizes(column: Column, best: Fit) -> list[ActiveTerm]:
     """The term at sizes of either sign, as far as it may be: a gear that gives way is soft from little of it on."""
     (response,), term = column.vectors, column.term
     as_large = float(np.sqrt(best.chi2 / (response @ response)))
-    sizes = [term.neutral + k * as_large for k in SIZES if term.neutral + k * as_large <= term.upper]
-    sizes += [term.neutral - k * as_large for k in SIZES if term.neutral - k * as_large >= term.lower]
-    if len(sizes) < len(SIZES):  # a little of it does far more than its sensitivity says
-        ends = [end - term.neutral for end in (term.lower, term.upper) if np.isfinite(end) and end != term.neutral]
-        sizes = [term.neutral + end / k for end in ends for k in OF_ITS_END]
+    sizes = [x for end in (term.lower, term.upper) if end != term.neutral for x in _up_to(end, term.neutral, as_large)]
     values = {**column.shape, term.amplitude: 0.0}
     return [ActiveTerm(term, {**values, term.amplitude: x}) for x in sizes]
+
+
+def _up_to(end: float, neutral: float, as_large: float) -> list[float]:
+    """Sizes between what does nothing and a bound."""
+    way = abs(end - neutral)
+    steps = [k * as_large for k in SIZES if k * as_large <= way]
+    if len(steps) < len(SIZES) // 2 and np.isfinite(way):  # a little of it does far more than its sensitivity says
+        steps = [way / k for k in OF_ITS_END]
+    return [neutral + float(np.copysign(step, end - neutral)) for step in steps]

@@ -119,6 +119,15 @@ def look_outside(
     return _beside(problem, calibrated, explained, selected, say) if beside and selected else None
 
 
+def let_go(problem: Problem, calibrated: Fit, name: str, value: float, select: Select) -> Outside | None:
+    """That parameter free of its tolerance, from a value on, and what `select` finds beside it; None: it takes nothing
+    from free runs, or they have no such parameter."""
+    freed = next((each for each in _freed(calibrated, {name: value}) if each.hypothesis.effects[-1].name == name), None)
+    best = fit(problem, freed.hypothesis, freed.x, None, finished(1)) if freed else None
+    gain = calibrated.cost - best.cost if best is not None else 0.0
+    return Outside(_with_terms(problem, best, select), gain, ()) if best and gain >= problem.evidence else None
+
+
 def in_place_of(problem: Problem, calibrated: Fit, formula: Unmodelled, say: Say) -> Outside | None:
     """The parameter that does as well as a formula beside listed terms, which does not outdo it: a voltage that goes as
     the current is a resistance (127, 12). None: there are no such terms, or no such parameter."""
@@ -185,21 +194,23 @@ def leaves_least(problem: Problem, calibrated: Fit, least: float, tried: int = T
     return best
 
 
-def _freed(calibrated: Fit) -> list[Fit]:
-    """The fit with each base parameter that is at a bound free of it, in the fit's own linear terms."""
-    at, found = calibrated.settled(), []
+def _freed(calibrated: Fit, values: Mapping[str, float] | None = None) -> list[Fit]:
+    """The fit with each base parameter that is at a bound free of it, in the fit's own linear terms. values: of those
+    that begin elsewhere, at a bound or not."""
+    at, known, found = calibrated.settled(), values or {}, []
     hypothesis, count = at.hypothesis, len(at.x)
     for k, base in enumerate(hypothesis.base):
         (c,) = base.coordinates
-        if abs(at.x[k]) < 1 - AT_BOUND:
+        if abs(at.x[k]) < 1 - AT_BOUND and base.name not in known:
             continue
-        free = FreeParameter(base, c.start + c.scale * float(at.x[k]))
+        free = FreeParameter(base, known.get(base.name, c.start + c.scale * float(at.x[k])))
         if free.coordinates[0].lower > c.lower - AT_BOUND and free.coordinates[0].upper < c.upper + AT_BOUND:
             continue  # it may go no farther
         order = [*(j for j in range(count) if j != k), k]
         others = tuple(other for other in hypothesis.base if other is not base)
         less = replace(hypothesis, base=others, effects=(*hypothesis.effects, free))
-        found.append(replace(at, hypothesis=less, x=at.x[order], jacobian=np.asarray(at.jacobian[:, order])))
+        x = np.append(np.delete(at.x, k), free.start())
+        found.append(replace(at, hypothesis=less, x=x, jacobian=np.asarray(at.jacobian[:, order])))
     return found
 
 

@@ -88,14 +88,24 @@ class Selector:
         base = so_far.history[0]
         if len(so_far.selected) < 2 or self.given or not self.problem.stands_out(so_far.fit.residual):
             return None
-        look = partial(look_from_afar, self.problem, base, self._columns or self.scan.columns(base))
-        found = self.problem.budget.spend("one term instead of several", look) or {}
-        name, one = next(iter(found.items()), ("", base))
-        if one.cost >= so_far.fit.cost:
+        since = dict.fromkeys([None, *(term.onset for term in so_far.fit.hypothesis.terms)])
+        look = partial(self._alone, base, since)
+        one = self.problem.budget.spend("one term instead of several", look)
+        if one is None or one.cost >= so_far.fit.cost:
             return None
+        name = one.hypothesis.terms[-1].name
         self.progress(f"{name} alone leaves less than the terms above")
         selected = [Selected(name, base.cost - one.cost)]
         return replace(so_far, history=[base, one], selected=selected, ranking=so_far.ranking[:1], done=False)
+
+    def _alone(self, base: Fit, since: Collection[float | None]) -> Fit | None:
+        """The best single term that is seen from afar, from the start or from about one of these times on."""
+        columns = self._columns or self.scan.columns(base)
+        found = [f for onset in since for f in look_from_afar(self.problem, base, columns, onset).values()]
+        best = min(found, key=attrgetter("cost"), default=None)
+        if best is None or best.hypothesis.terms[-1].onset is None:
+            return best
+        return self.competition.finished(self.competition.with_onset(best))
 
     def round(self, so_far: Selection) -> Selection:
         """One term more, or done."""

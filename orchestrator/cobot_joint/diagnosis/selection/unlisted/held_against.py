@@ -103,10 +103,9 @@ def look_beside_parameter(problem: Problem, outside: Selection, say: Say) -> Unm
     start = outside.history[0]
     if outside.selected and start.hypothesis.effects and problem.unexplained(outside.fit.residual):
         alone = look_at_ports(problem, start, [], say, thresholds.ALONE)
-        if alone and alone.is_likely and not acts_where(alone, start, {}):
-            left, rest = remains(problem, outside.fit, alone.fit)
-            if left > thresholds.TIMES_LESS * alone.freedom * rest:
-                return alone
+        instead = _in_place(problem, alone, outside) if alone and not acts_where(alone, start, {}) else None
+        if instead and instead.is_likely and not instead.as_good:
+            return instead
     found = look_beside(problem, outside, say)
     units = {e.component for e in outside.fit.hypothesis.effects if isinstance(e, FreeParameter)}
     return None if found and found.finding.component in units else found

@@ -12,16 +12,18 @@ from dataclasses import replace
 import numpy as np
 
 from cobot_joint.diagnosis import thresholds
-from cobot_joint.diagnosis.candidates.score_test import Column
+from cobot_joint.diagnosis.candidates.score_test import SEGMENTS, Column
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit
-from cobot_joint.diagnosis.estimation.multiscale import slow_first, slow_part
+from cobot_joint.diagnosis.estimation.multiscale import Averaged, slow_first, slow_part
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.selection.competition import finished
 
 SIZES = tuple(2.0**k for k in range(-2, 6))  # times that whose response, in proportion, were as large as what is left
 OF_ITS_END = tuple(2.0**k for k in range(1, 8))  # parts of a bound, where most of these lie beyond it
 FITTED = 2  # of the leading terms
+NEAR = tuple(k / 32 for k in range(-16, 17))  # segments of a run, by which another term's onset may be off: where what
+# sets in leads to ringing, the slow part's valley is 0.03 s wide (163, 53)
 
 
 def look_from_afar(
@@ -39,27 +41,41 @@ def look_from_afar(
         return {}
     first = {c.term.name: c for c in reversed(columns) if c.term.phase is None and not c.term.episode}
     there = [c for c in first.values() if problem.plant.has(c.term.name, problem.recordings[number])]
-    tried = [replace(active, onset=onset) for column in there for active in _sizes(column, best)]
-    simulated = one.simulate([at.hypothesis.with_effects(a).run(np.concatenate([at.x, a.start()])) for a in tried])
     before = float(np.sum(slow.of(at.residual[problem.rows_of([number])]) ** 2))
-    takes: dict[str, tuple[float, ActiveTerm]] = {}
-    for active, run in zip(tried, simulated, strict=True):
-        if run is None:
-            continue
-        gain = before - float(np.sum(slow.of(one.recorded - run.white) ** 2))
-        if gain > takes.get(active.name, (0.0, active))[0]:
-            takes[active.name] = gain, active
-    leading = sorted(takes.values(), key=lambda taken: -taken[0])[:FITTED]
+    tried = [replace(active, onset=onset) for column in there for active in _sizes(column, best)]
+    leading = _leading(slow, at, tried)
+    if onset is not None:
+        segment = float(problem.times().max()) / SEGMENTS
+        leading = _leading(slow, at, _nearby(leading, [part * segment for part in NEAR]))
     enough = max(thresholds.WORTH_FITTING * (before - slow.samples), problem.evidence)
     fits: dict[str, Fit] = {}
-    for gain, active in leading:
+    for active, left in leading[:FITTED]:
         hypothesis = at.hypothesis.with_effects(active)
-        if gain > enough and (
+        if before - left > enough and (
             found := slow_first(problem, hypothesis, np.concatenate([at.x, active.start()]), finished(1))
         ):
             fits[active.name] = found
     lower = {name: found for name, found in fits.items() if found.cost < best.cost}
     return dict(sorted(lower.items(), key=lambda item: item[1].cost))
+
+
+def _nearby(leading: Sequence[tuple[ActiveTerm, float]], off: Sequence[float]) -> list[ActiveTerm]:
+    """The first of them at other onsets."""
+    moved = [replace(active, onset=(active.onset or 0.0) + t) for active, _ in leading[:FITTED] for t in off]
+    return [active for active in moved if (active.onset or 0.0) > 0]
+
+
+def _leading(slow: Averaged, at: Fit, tried: Sequence[ActiveTerm]) -> list[tuple[ActiveTerm, float]]:
+    """Of each term that which leaves least of the slow part, all else as it is, and how much; the least first."""
+    one, left = slow.fine, dict[str, tuple[ActiveTerm, float]]()
+    runs = [at.hypothesis.with_effects(active).run(np.concatenate([at.x, active.start()])) for active in tried]
+    for active, simulated in zip(tried, one.simulate(runs), strict=True):
+        if simulated is None:
+            continue
+        rest = float(np.sum(slow.of(one.recorded - simulated.white) ** 2))
+        if rest < left.get(active.name, (active, np.inf))[1]:
+            left[active.name] = active, rest
+    return sorted(left.values(), key=lambda each: each[1])
 
 
 def _sizes(column: Column, best: Fit) -> list[ActiveTerm]:

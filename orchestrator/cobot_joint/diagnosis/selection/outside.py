@@ -102,7 +102,7 @@ def look_outside(
     gain = calibrated.cost - best.cost if best is not None else 0.0
     if best is not None and gain >= problem.evidence:
         slack = thresholds.ALIKE + thresholds.ALIKE_SHARE * max(problem.excess(explained.residual), 0.0)
-        alone = gain >= taken - (slack if selected else 0.0)
+        alone = gain >= taken - slack if selected else gain >= taken or _takes_what_is_slow(problem, calibrated, best)
         instead = len(selected) > 1 and gain >= thresholds.ALONE * first
         more = _with_terms(problem, best, select) if alone or instead or beside else None
         needs_fewer = (
@@ -162,6 +162,14 @@ def _beside(
     found = Outside(Selection([calibrated, fewer], kept), gain, ())
     say(f"{found.name} outside its tolerance leaves a third of what the terms leave")
     return found
+
+
+def _takes_what_is_slow(problem: Problem, calibrated: Fit, best: Fit) -> bool:
+    """Whether it takes half of a slow part that stands out: impacts, out of step with a gap that grew, are the larger
+    part of chi-square, and no parameter's (163, 42)."""
+    slow = problem.excess(calibrated.residual)
+    much = slow > thresholds.LEFT_SIGMA**2 * problem.samples
+    return much and problem.excess(best.residual) < (1 - thresholds.HOLDS) * slow
 
 
 def _needless(problem: Problem, calibrated: Fit, alone: Fit, more: Selection) -> Selection | None:

@@ -27,6 +27,7 @@ from cobot_joint.diagnosis.selection.elimination import loss_without, without_ne
 from cobot_joint.diagnosis.selection.from_afar import look_from_afar
 from cobot_joint.diagnosis.selection.left_out import predicts
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
+from cobot_joint.diagnosis.selection.unlisted.remains import remains
 from cobot_joint.diagnosis.store import Store
 
 POINTED = 8  # terms that are looked at again after the first was added
@@ -83,15 +84,19 @@ class Selector:
         return so_far
 
     def _one_instead(self, so_far: Selection) -> Selection | None:
-        """One term, seen from afar, that leaves less than several which leave what stands out: a gear that gives way
-        was a brake that fades, a load, and a sensor's gain (157, 18)."""
-        base = so_far.history[0]
-        if len(so_far.selected) < 2 or self.given or not self.problem.stands_out(so_far.fit.residual):
+        """One term, seen from afar, that leaves less than several which leave what stands out, or than one that takes
+        too little to stand alone: a gear that gives way was a brake that fades, a load, and a sensor's gain (157, 18),
+        a belt that creeps late a brake that fades (163, 53)."""
+        base, fit = so_far.history[0], so_far.fit
+        if not so_far.selected or self.given or not self.problem.stands_out(fit.residual):
             return None
-        since = dict.fromkeys([None, *(term.onset for term in so_far.fit.hypothesis.terms)])
+        before, left = remains(self.problem, base, fit)
+        if len(so_far.selected) == 1 and left < (1 - thresholds.ALONE) * before:
+            return None
+        since = dict.fromkeys([None, *(term.begins for term in fit.settled().hypothesis.terms)])
         look = partial(self._alone, base, since)
-        one = self.problem.budget.spend("one term instead of several", look)
-        if one is None or one.cost >= so_far.fit.cost:
+        one = self.problem.budget.spend("one term instead of others", look)
+        if one is None or one.cost > fit.cost - self.problem.evidence:
             return None
         name = one.hypothesis.terms[-1].name
         self.progress(f"{name} alone leaves less than the terms above")
@@ -101,11 +106,12 @@ class Selector:
     def _alone(self, base: Fit, since: Collection[float | None]) -> Fit | None:
         """The best single term that is seen from afar, from the start or from about one of these times on."""
         columns = self._columns or self.scan.columns(base)
-        found = [f for onset in since for f in look_from_afar(self.problem, base, columns, onset).values()]
+        found: list[Fit] = []
+        for onset in since:
+            seen = look_from_afar(self.problem, base, columns, onset).values()
+            found += seen if onset is None else map(self.competition.with_onset, seen)
         best = min(found, key=attrgetter("cost"), default=None)
-        if best is None or best.hypothesis.terms[-1].onset is None:
-            return best
-        return self.competition.finished(self.competition.with_onset(best))
+        return best if best is None or best.hypothesis.terms[-1].onset is None else self.competition.finished(best)
 
     def round(self, so_far: Selection) -> Selection:
         """One term more, or done."""

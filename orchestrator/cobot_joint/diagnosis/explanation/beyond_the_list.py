@@ -61,6 +61,7 @@ class BeyondTheList:
             formula, outdone = pair.formula, True
         lost = outdone and bool(formula and formula.is_wave)
         found = self._along_the_motion(outdone, lost)
+        lost = lost and not self._outdoes_claimed(formula, found)
         if found and self.takes_most:
             if (lost or not formula) and (both := beside_listed(self.problem, self.listed, found)):
                 return Explanation(self.calibrated, both[0], self.listed, both[1], anchored=found, rival=rival)
@@ -154,6 +155,14 @@ class BeyondTheList:
         stay = staying(formula)
         others = [n for n in found.named if not {n.name, *n.alike} & stay]
         return found.claims and (not stay or any(confidence(n) >= thresholds.EVEN for n in others))
+
+    def _outdoes_claimed(self, formula: Unmodelled | None, found: Search | None) -> bool:
+        """Whether a formula leaves so much less than what the motion claims, which free runs then have the angle of: a
+        wave that turns with the direction is no cogging (163, 88)."""
+        if formula is None or found is None:
+            return False
+        both = beside_listed(self.problem, self.listed.up_to(0), found)
+        return both is not None and formula.outdoes(self.problem, both[0])
 
     def _beside_the_claimed(self, found: Search) -> Explanation | None:
         """What the motion names, and a formula where free runs with all of it leave what stands out: along the motion

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.answer import diagnosis as anchored_diagnosis
@@ -77,13 +79,13 @@ def _diagnosed(campaign: Campaign, plant: Plant, say: Progress, store: Store, bu
     prefetch()
     problem, calibrated = calibrate(campaign, plant, say, store)
     problem.budget, say = budget, watched(problem, say)
-    say("locating the difference")
-    located = store.remember("located", calibrated.x, lambda: locate_difference(problem, calibrated).to_json())
-    found, explanation = explain(campaign, problem, calibrated, say, store)
-    found.located = located
+    with ThreadPoolExecutor(1) as beside:  # the search leaves a quarter of two cores idle
+        located = beside.submit(_located, problem, calibrated, store)
+        found, explanation = explain(campaign, problem, calibrated, say, store)
+        say("locating the difference")
+        found.located = located.result()
     if explanation.calibrated is not calibrated:  # a better one came up on the way
-        again = explanation.calibrated
-        found.located = store.remember("located", again.x, lambda: locate_difference(problem, again).to_json())
+        found.located = _located(problem, explanation.calibrated, store)
     if found.findings and budget.allows("the experiment that would tell more"):
         say("looking for the experiment that would tell more")
         basis = [f.term for f in found.findings], explanation.fit.x
@@ -94,6 +96,11 @@ def _diagnosed(campaign: Campaign, plant: Plant, say: Progress, store: Store, bu
         found.verdict = "undecided" if found.verdict == "nothing_missing" else found.verdict
     found.seconds = time.monotonic() - begun
     return found
+
+
+def _located(problem: Problem, calibrated: Fit, store: Store) -> dict[str, Any]:
+    """Where the difference lies, as a diagnosis keeps it."""
+    return store.remember("located", calibrated.x, lambda: locate_difference(problem, calibrated).to_json())
 
 
 def explain(

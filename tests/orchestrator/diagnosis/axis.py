@@ -86,13 +86,14 @@ class Axis:
         covered = np.clip(t_0 + T_d - recording.time, 0, STEP) - np.clip(t_0 - recording.time, 0, STEP)
         push = v.get("axis.push.T", 0.0) * covered / STEP  # of each step, the part that it acts in
         late = {name: round(t / STEP) for name, t in (onsets or {}).items()}
-        from_A = late.get("axis.cogging.A", 0)
+        from_A, from_c = (late.get(f"axis.{n}", 0) for n in ("cogging.A", "windage.c"))
         phi = w = 0.0
         out = np.empty((len(u), 2))
         for j in range(len(u)):
             out[j] = phi, w
             s = tanh(w / 0.5)
-            tau = v["axis.tau_C"] * s + v["axis.d"] * w + c * w * abs(w) + tau_A * s * s
+            tau = v["axis.tau_C"] * s + v["axis.d"] * w + tau_A * s * s
+            tau += c * w * abs(w) if j >= from_c else 0.0
             tau += tau_S * np.exp(-((w / w_S) ** 2)) * s
             tau += A * sin(n * phi + phi_0) if j >= from_A else 0.0
             w += STEP * (v["axis.k"] * u[j] - tau + tau_add[j] + push[j]) / v["axis.J"]

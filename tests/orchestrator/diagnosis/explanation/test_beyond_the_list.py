@@ -86,12 +86,22 @@ def test_a_claim_along_the_recorded_motion_is_not_held_against_a_data_sheet(
     assert bool(asked) != claimed
 
 
-@pytest.mark.parametrize(("name", "named"), [("axis.d", ["axis.d"]), ("axis.J", []), ("axis.windage", [])])
-def test_a_parameter_that_the_motion_claims_is_let_go_of_in_free_runs_which_may_show_terms_beside_it(
-    name: str, named: list[str], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("name", "takes", "named"),
+    [("axis.d", 0.9, ["axis.d"]), ("axis.d", 0.3, []), ("axis.J", 0.9, []), ("axis.windage", 0.9, [])],
+)
+def test_a_parameter_that_the_motion_claims_is_let_go_of_in_free_runs_which_may_show_what_is_beside_it(
+    name: str, takes: float, named: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A brake's hysteresis, eleven times the background, was missed beside a rotor's inertia (53, 23)."""
     search = Search(named=[cast(Named, SimpleNamespace(name=name, alike=(), shows=True))])
+    search.repaired = {name: Estimate(1.0, "1", (1.0, 1.0))}
+
+    def let_go(problem: Problem, calibrated: Fit, name: str, *_: object) -> Outside | None:
+        fit = damping_outside(problem, calibrated).fit
+        chi2 = calibrated.chi2 - takes * (calibrated.chi2 - problem.samples)
+        return Outside(Selection([replace(fit, chi2=chi2)]), 1e3, ()) if name == "axis.d" else None
+
     monkeypatch.setattr(beyond, "can_follow", lambda campaign, plant: True)
     monkeypatch.setattr(beyond, "follow", lambda campaign, plant, say, in_runs, start: search)
     monkeypatch.setattr(beyond, "felt", lambda problem, base, listed, search: search)
@@ -100,7 +110,7 @@ def test_a_parameter_that_the_motion_claims_is_let_go_of_in_free_runs_which_may_
     monkeypatch.setattr(Search, "claims", property(lambda self: True))
     monkeypatch.setattr(engine, "anchored_diagnosis", lambda search, units: Diagnosis("explained", [], {}, {}))
     monkeypatch.setattr(engine, "in_free_runs", lambda problem, found, *_: found)
-    monkeypatch.setattr(engine, "look_outside", damping_outside)
+    monkeypatch.setattr(engine, "let_go", let_go)
     monkeypatch.setattr(engine, "look_beside_parameter", lambda *_: None)
     assert [f.term for f in diagnose_plant(drifting(), Axis()).findings] == named
 
@@ -128,6 +138,33 @@ def test_a_formula_over_an_angle_gives_way_to_what_the_recorded_motion_claims(
     monkeypatch.setattr(Search, "claims", property(lambda self: claimed))
     monkeypatch.setattr(Unmodelled, "outdoes", lambda self, problem, other: True)
     assert [f.term for f in diagnose_plant(drifting(), Axis()).findings] == named
+
+
+@pytest.mark.parametrize(("outdone", "named"), [(True, [FORMULA]), (False, [])])
+def test_a_formula_over_an_angle_that_leaves_so_much_less_than_what_the_motion_claims_is_the_answer(
+    outdone: bool, named: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A wave that turned with the direction, 13 times the background, was cogging, 97 % sure (163, 88)."""
+    feature = Feature(Product((Factor("x", "sin"),)), Estimate(1.0, "N.m", (0.9, 1.1)))
+    finding = Finding(FORMULA, (), 0.9, None, {}, {}, 1e3, shape=Form("axis.tau_add", "N.m", (), (feature,), 0.9))
+    claimed: list[Fit] = []
+
+    def fitted(problem: Problem, listed: Selection, search: Search) -> tuple[Fit, list[Selected]]:
+        claimed.append(replace(listed.fit))
+        return claimed[-1], []
+
+    monkeypatch.setattr(beyond, "can_follow", lambda campaign, plant: True)
+    monkeypatch.setattr(beyond, "follow", lambda campaign, plant, say, in_runs, start: Search())
+    monkeypatch.setattr(beyond, "look_for_unmodelled", lambda problem, fit, *_: Unmodelled(fit, [], finding, 0.9))
+    monkeypatch.setattr(beyond, "beside_listed", fitted)
+    monkeypatch.setattr(engine, "look_outside", lambda *_: None)
+    monkeypatch.setattr(beyond, "takes_most", lambda problem, listed: False)
+    monkeypatch.setattr(Search, "claims", property(lambda self: True))
+    monkeypatch.setattr(
+        Unmodelled, "outdoes", lambda self, problem, other: outdone or not any(other is fit for fit in claimed)
+    )
+    assert [f.term for f in diagnose_plant(drifting(), Axis()).findings] == named
+    assert claimed
 
 
 def test_a_drag_that_outdoes_listed_terms_is_the_answer_without_asking_the_motion(

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from cobot_joint.diagnosis.candidates.score_test import Column
+from cobot_joint.diagnosis.candidates.score_test import SEGMENTS, Column
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm, BaseParameter
 from cobot_joint.diagnosis.estimation.fit import Fit
-from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import fit, fit_added
+from cobot_joint.diagnosis.estimation.multiscale import slow_part
 from cobot_joint.diagnosis.estimation.problem import Problem, Run
 from cobot_joint.diagnosis.plant.plant import TermCandidate
 from cobot_joint.diagnosis.selection.competition import finished
-from cobot_joint.diagnosis.selection.from_afar import SIZES, look_from_afar
+from cobot_joint.diagnosis.selection.from_afar import NEAR, SIZES, _leading, _nearby, look_from_afar
+from tests.orchestrator.diagnosis.axis import NOMINAL, TERMS, campaign
 from tests.orchestrator.diagnosis.estimation.test_multiscale import DECAY, LATE, PRECISION, stop
+from tests.orchestrator.diagnosis.selection.test_stepwise import refitted
 
 TRUE = 0.08  # s: three periods of the ringing
 TERM = TermCandidate("stop.late", LATE.name, 0.0, 0.0, 0.5, "s", (), None)
@@ -54,3 +58,27 @@ def test_where_a_term_is_larger_than_its_bounds_before_it_shows_parts_of_its_bou
     problem, best, column = beside_the_base_model(TRUE)
     faint = replace(column, vectors=(1e-6 * column.vectors[0],))
     assert look_from_afar(problem, best, [faint])["stop.late"].run.values[LATE.name] == pytest.approx(TRUE, abs=1e-4)
+
+
+def test_parts_of_the_bound_on_one_side_are_tried_where_the_other_is_far() -> None:
+    """Its stiffness may be 1e9 more and 1e7 less; of 105 times the background it had -0.17e6 (163, 21)."""
+    problem, best, column = beside_the_base_model(TRUE)
+    one_sided = replace(column, term=replace(TERM, lower=-1e9), vectors=(1e-6 * column.vectors[0],))
+    found = look_from_afar(problem, best, [one_sided])
+    assert found["stop.late"].run.values[LATE.name] == pytest.approx(TRUE, abs=1e-4)
+
+
+def test_of_onsets_near_one_that_another_term_has_the_best_is_taken() -> None:
+    """A belt that creeps from 4.141 s on; a brake that fades from 4.089 s on had been fitted (163, 53)."""
+    problem, _ = refitted(campaign({"axis.windage.c": 2e-4}, onsets={"axis.windage.c": 2.6}))
+    bounds = {name: (value, value * (1 + 1e-9)) for name, value in NOMINAL.items()}  # all else is known
+    known = fit(problem, Hypothesis(tolerances(problem, bounds)))
+    slow = slow_part(problem)
+    assert known is not None
+    assert slow is not None
+    windage = next(t for t in TERMS if t.name == "axis.windage")
+    segment = problem.times().max() / SEGMENTS
+    begun = ActiveTerm(windage, {"axis.windage.c": 2e-4}, 2.5)
+    ((found, left),) = _leading(slow, known, _nearby([(begun, 0.0)], [part * segment for part in NEAR]))
+    assert found.onset == pytest.approx(2.6, abs=segment / 32)
+    assert left < 0.01 * np.sum(slow.of(known.residual) ** 2)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Literal
 
+import numpy as np
 import pytest
 
 from cobot_joint.diagnosis import thresholds
@@ -12,16 +14,27 @@ from cobot_joint.diagnosis.engine import diagnose_plant
 from cobot_joint.diagnosis.estimation.calibrate import calibrate
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit
-from cobot_joint.diagnosis.estimation.least_squares import fit_added
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
+from cobot_joint.diagnosis.estimation.least_squares import fit, fit_added
+from cobot_joint.diagnosis.estimation.noise import Noise
 from cobot_joint.diagnosis.estimation.problem import Problem, one_blas_thread
-from cobot_joint.diagnosis.findings import Estimate
+from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
+from cobot_joint.diagnosis.plant.correction import Factor, Product
 from cobot_joint.diagnosis.selection.competition import finished
 from cobot_joint.diagnosis.selection.elimination import kept_beside
-from cobot_joint.diagnosis.selection.outside import Outside, held, in_place_of, leaves_least, look_outside
+from cobot_joint.diagnosis.selection.outside import (
+    Outside,
+    held,
+    in_place_of,
+    leaves_least,
+    let_go,
+    look_outside,
+)
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
-from cobot_joint.diagnosis.selection.unlisted.unmodelled import look_at_ports
+from cobot_joint.diagnosis.selection.unlisted import held_against
+from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled, look_at_ports
 from cobot_joint.diagnosis.store import Store
-from tests.orchestrator.diagnosis.axis import NOMINAL, Axis, Driven, campaign, weak_drive
+from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, Axis, Driven, campaign, weak_drive
 
 
 def test_beside_it_a_form_on_no_list_is_told_from_the_term_that_patches_both() -> None:
@@ -108,6 +121,35 @@ def test_a_formula_beside_a_listed_term_that_a_parameter_leaves_no_more_than_is_
         assert [s.term for s in found.selection.selected] == ["axis.windage"]
 
 
+def with_windage(problem: Problem, fit: Fit) -> Selection:
+    term = next(t for t in Axis().terms if t.name == "axis.windage")
+    found = fit_added(problem, fit, [ActiveTerm(term, {term.amplitude: 1e-4})], finished(2))
+    assert found is not None
+    return Selection([fit, found], [Selected(term.name, fit.cost - found.cost)])
+
+
+@pytest.mark.parametrize(("rest", "instead"), [(100.0, True), (300.0, False)])
+def test_beside_it_a_form_that_leaves_less_per_feature_takes_the_place_of_several_terms(
+    rest: float, instead: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A motor's drag beside a brake's torque constant was friction that warms up, and an asymmetry (163, 27)."""
+    with one_blas_thread():
+        problem, base = calibrate(weak_drive(), Driven(), lambda words: None, Store(None))
+        free = leaves_least(problem, base, 0.0)
+    assert free is not None
+    feature = Feature(Product((Factor("w", "u3"),)), Estimate(1.0, "N.m", (0.9, 1.1)))
+    finding = Finding(
+        "axis.unlisted", (), 0.9, None, {}, {}, 1e3, shape=Form("axis.tau_add", "N.m", (), (feature,), 0.9)
+    )
+    patched = Selection([free, free, free], [Selected("axis.windage", 600.0), Selected("axis.asymmetry", 600.0)])
+    monkeypatch.setattr(held_against, "look_at_ports", lambda *_: Unmodelled(free, [], finding, 0.98))
+    monkeypatch.setattr(held_against, "look_beside", lambda *_: None)
+    monkeypatch.setattr(held_against, "remains", lambda *_: [120.0, rest])
+    monkeypatch.setattr(Problem, "unexplained", lambda self, residual: True)
+    found = held_against.look_beside_parameter(problem, patched, lambda words: None)
+    assert (found is not None) == instead
+
+
 @pytest.mark.parametrize("needed", [False, True])
 def test_one_that_stood_in_for_listed_terms_goes_again_once_these_are_found_beside_it(needed: bool) -> None:
     """A supply that sags was answered with a winding's resistance outside its tolerance, 95 %, beside it (151, 10)."""
@@ -115,14 +157,7 @@ def test_one_that_stood_in_for_listed_terms_goes_again_once_these_are_found_besi
     case = campaign(truth)
     with one_blas_thread():
         problem, base = calibrate(case, Axis(), lambda words: None, Store(None))
-
-        def windage(fit: Fit) -> Selection:
-            term = next(t for t in Axis().terms if t.name == "axis.windage")
-            found = fit_added(problem, fit, [ActiveTerm(term, {term.amplitude: 1e-4})], finished(2))
-            assert found is not None
-            return Selection([fit, found], [Selected(term.name, fit.cost - found.cost)])
-
-        found = look_outside(problem, base, base, [], windage, lambda words: None)
+        found = look_outside(problem, base, base, [], partial(with_windage, problem), lambda words: None)
     assert found is not None
     if needed:
         assert isinstance(found, Outside)
@@ -132,6 +167,43 @@ def test_one_that_stood_in_for_listed_terms_goes_again_once_these_are_found_besi
         assert found.fit.hypothesis.terms[0].name == "axis.windage"
         assert found.fit.run.values["axis.d"] == pytest.approx(NOMINAL["axis.d"], rel=0.02)
         assert found.fit.chi2 < 1.1 * problem.samples
+
+
+@pytest.mark.parametrize(
+    ("name", "times", "takes"), [("axis.d", 0.4, True), ("axis.d", 1.0, False), ("axis.k", 1.0, False)]
+)
+def test_a_parameter_that_is_let_go_of_from_a_value_on_has_what_is_found_beside_it(
+    name: str, times: float, takes: bool
+) -> None:
+    """Beside a brake's torque constant, which the motion claimed, a motor's drag was missed (163, 27)."""
+    with one_blas_thread():
+        truth = {"axis.d": times * NOMINAL["axis.d"], "axis.windage.c": 2e-4 if takes else 0.0}
+        problem, base = calibrate(campaign(truth), Axis(), lambda words: None, Store(None))
+        found = let_go(problem, base, name, times * NOMINAL[name], partial(with_windage, problem))
+    assert (found is not None) == takes
+    if found is not None:
+        assert found.name == name
+        assert [s.term for s in found.selection.selected] == ["axis.windage"]
+        assert found.fit.run.values[name] == pytest.approx(times * NOMINAL[name], rel=0.05)
+
+
+@pytest.mark.parametrize("quick", [0.0, 2.2])
+def test_one_that_takes_half_of_what_is_slow_is_the_finding_where_something_quick_is_larger(quick: float) -> None:
+    """A brake's saturation current, 12 times the background, beside impacts in a gap that grew (163, 42)."""
+    case = campaign({"axis.d": 0.4 * NOMINAL["axis.d"]})
+    for recording in case.recordings:
+        size = quick * float(np.std(recording.outputs["w"] - Axis().simulate({}, recording)["w"]))
+        recording.outputs["w"] = recording.outputs["w"] + size * (-1.0) ** np.arange(len(recording.time))
+    with one_blas_thread():
+        problem = Problem(Axis(), case.train, {"w": Noise(NOISE)})
+        base = fit(
+            problem, Hypothesis(tolerances(problem, {n: t.bounds(NOMINAL[n]) for n, t in case.tolerances.items()}))
+        )
+        assert base is not None
+        found = look_outside(problem, base, base, [], lambda fit: Selection([fit]), lambda words: None)
+    assert isinstance(found, Outside)
+    assert found.name == "axis.d"
+    assert (found.gain < thresholds.HOLDS * (base.chi2 - problem.samples)) == (quick > 0)
 
 
 @pytest.mark.parametrize("at", ["lower", None])

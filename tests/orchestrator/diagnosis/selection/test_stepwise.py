@@ -153,24 +153,46 @@ def test_of_what_stands_out_it_is_enough_that_a_further_term_does_well_as_it_is(
     assert selector._is_background(base, ranked) == background
 
 
-@pytest.mark.parametrize(("stands_out", "instead"), [(True, ["axis.cogging"]), (False, None)])
-def test_one_term_that_leaves_less_than_several_which_leave_what_stands_out_takes_their_place(
-    stands_out: bool, instead: list[str] | None, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("stands_out", "before", "instead"),
+    [
+        (True, ["axis.asymmetry", "axis.windage"], ["axis.cogging"]),
+        (False, ["axis.asymmetry", "axis.windage"], None),
+        (True, ["axis.windage"], ["axis.cogging"]),
+        (True, ["axis.cogging"], None),
+    ],
+    ids=["several", "several, and a background", "one that takes little", "one that takes nearly all"],
+)
+def test_one_term_that_leaves_less_takes_the_place_of_what_leaves_what_stands_out(
+    stands_out: bool, before: list[str], instead: list[str] | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A gear that gives way was a brake that fades, a load, and a sensor's gain (157, 18)."""
     problem, base = refitted(campaign(TRUE))
-    patches = [
-        fit_added(problem, base, [ActiveTerm(t, {t.amplitude: 1e-5})], Precision()) for t in (ASYMMETRY, WINDAGE)
-    ]
-    right = fit_added(problem, base, [ActiveTerm(COGGING, TRUE)], Precision())
+    values = {ASYMMETRY: {ASYMMETRY.amplitude: 1e-5}, WINDAGE: {WINDAGE.amplitude: 1e-5}, COGGING: TRUE}
+    alone = {t.name: fit_added(problem, base, [ActiveTerm(t, v)], Precision()) for t, v in values.items()}
+    right, listed = alone["axis.cogging"], [found for name in before if (found := alone[name])]
     assert right is not None
-    assert patches[0] is not None
-    assert patches[1] is not None
-    several = Selection([base, *patches], [Selected("axis.asymmetry", 600.0), Selected("axis.windage", 600.0)])
+    assert len(listed) == len(before)
+    so_far = Selection([base, *listed], [Selected(name, 600.0) for name in before])
     monkeypatch.setattr(Problem, "stands_out", lambda self, residual: stands_out)
     monkeypatch.setattr(stepwise, "look_from_afar", lambda *_: {"axis.cogging": right})
-    found = Selector(problem, Scan(problem, TERMS), lambda words: None)._one_instead(several)
+    found = Selector(problem, Scan(problem, TERMS), lambda words: None)._one_instead(so_far)
     assert (None if found is None else [s.term for s in found.selected]) == instead
+
+
+def test_terms_are_seen_from_afar_from_the_start_and_from_the_onset_of_what_they_may_replace(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A gear that gives way from 4.9 s on was a brake that fades from 4.4 s on, and a load (163, 21)."""
+    problem, base = refitted(campaign(TRUE))
+    late = fit_added(problem, base, [ActiveTerm(WINDAGE, {WINDAGE.amplitude: 1e-5}, 2.6)], Precision())
+    assert late is not None
+    asked: list[float | None] = []
+    monkeypatch.setattr(Problem, "stands_out", lambda self, residual: True)
+    monkeypatch.setattr(stepwise, "look_from_afar", lambda problem, best, columns, onset: asked.append(onset) or {})
+    so_far = Selection([base, late], [Selected("axis.windage", 600.0)])
+    assert Selector(problem, Scan(problem, TERMS), lambda words: None)._one_instead(so_far) is None
+    assert asked == [None, 2.6]
 
 
 def test_terms_that_explain_less_than_what_stays_unexplained_are_pruned() -> None:

@@ -147,7 +147,7 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     is_formula = found.unmodelled is not None and found.unmodelled.may_be_a_data_sheet
     select = Selector(problem, scan, say).select
     if beside := _beside_claimed(problem, found, select, say):
-        return beside
+        return _or_misread(problem, beside, misread)
     along = found.anchored and (found.anchored.claims or not problem.stands_out(found.calibrated.residual))
     if found.outside or (found.unmodelled and not is_formula) or along or (found.background and not found.selected):
         return found
@@ -162,8 +162,14 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
         return _found_beside_it(problem, found, outside)
     if outside is None or (found.unmodelled and _stands_before(problem, found.unmodelled, outside)):
         return found
-    as_good = misread if misread and misread.as_good(problem, found.calibrated, outside.gain) else None
-    return replace(_with_formula(problem, found.calibrated, outside, say), misread=as_good)
+    return _or_misread(problem, _with_formula(problem, found.calibrated, outside, say), misread)
+
+
+def _or_misread(problem: Problem, found: Explanation, misread: Misread | None) -> Explanation:
+    """With the channel that, misread, does as well as the parameter outside its tolerance."""
+    gain = found.outside.gain if found.outside else 0.0
+    as_good = misread is not None and misread.as_good(problem, found.calibrated, gain)
+    return replace(found, misread=misread) if as_good else found
 
 
 def _with_formula(problem: Problem, calibrated: Fit, outside: Outside, say: Progress) -> Explanation:
@@ -182,10 +188,10 @@ def _beside_claimed(problem: Problem, found: Explanation, select: Select, say: P
     search, calibrated = found.anchored, found.calibrated
     if search is None or not search.claims or found.selected or len(search.named) != 1:
         return None
-    name = search.named[0].name
+    name, alike = search.named[0].name, search.named[0].alike
     if name not in problem.plant.parameters or name not in search.repaired:
         return None
-    free = partial(let_go, problem, calibrated, name, search.repaired[name].value, select)
+    free = partial(let_go, problem, calibrated, {name: search.repaired[name].value}, alike, select)
     outside = problem.budget.spend("parameters outside their tolerances", free)
     if outside is None:
         return None

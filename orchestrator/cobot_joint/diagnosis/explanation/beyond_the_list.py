@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from operator import attrgetter
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.follow import can_follow, follow, motion_is_given, where_it_lies
@@ -12,6 +13,7 @@ from cobot_joint.diagnosis.anchored.free_runs import beside_listed, felt
 from cobot_joint.diagnosis.anchored.search import Search, confidence
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.estimation.calibrate import basis
+from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.explanation.explanation import Explanation, sure_beside_background
 from cobot_joint.diagnosis.selection.elimination import prune, worth_naming
@@ -20,6 +22,7 @@ from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.some_recordings import some_of
 from cobot_joint.diagnosis.selection.stepwise import Selector
 from cobot_joint.diagnosis.selection.unlisted.held_against import look_beside, look_for_unmodelled
+from cobot_joint.diagnosis.selection.unlisted.remains import remains
 from cobot_joint.diagnosis.selection.unlisted.together import Pair, look_together
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 from cobot_joint.diagnosis.store import Store
@@ -157,21 +160,29 @@ class BeyondTheList:
         return found.claims and (not stay or any(confidence(n) >= thresholds.EVEN for n in others))
 
     def _outdoes_claimed(self, formula: Unmodelled | None, found: Search | None) -> bool:
-        """Whether a formula leaves so much less than what the motion claims, which free runs then have the angle of: a
-        wave that turns with the direction is no cogging (163, 88)."""
-        if formula is None or found is None:
+        """Whether a formula leaves so much less than all that the motion claims, fitted to free runs; these have the
+        angle where that takes half. A wave that turns with the direction is no cogging (163, 88)."""
+        both = self._claimed_freely(found) if formula and found else None
+        if formula is None or both is None:
             return False
+        same = {s.term for s in both[1]} == {s.term for s in self.listed.selected}
+        claimed = min((both[0], self.listed.fit) if same else both[:1], key=attrgetter("cost"))
+        before, left = remains(self.problem, self.calibrated, claimed)
+        return left < (1 - thresholds.HOLDS) * before and formula.outdoes(self.problem, claimed)
+
+    def _claimed_freely(self, found: Search) -> tuple[Fit, list[Selected]] | None:
+        """All that the motion names, fitted to free runs; None: some of it does not help them."""
         both = beside_listed(self.problem, self.listed.up_to(0), found)
-        return both is not None and formula.outdoes(self.problem, both[0])
+        every = {n.name for n in found.named if n.shows}
+        return both if both is not None and {s.term for s in both[1]} == every else None
 
     def _beside_the_claimed(self, found: Search) -> Explanation | None:
         """What the motion names, and a formula where free runs with all of it leave what stands out: along the motion
         none is looked for."""
-        base = self.listed.up_to(0)
-        both = beside_listed(self.problem, base, found)
-        if both is None or {s.term for s in both[1]} != {n.name for n in found.named if n.shows}:
+        both = self._claimed_freely(found)
+        if both is None:
             return None
-        claimed = replace(base, history=[self.calibrated, both[0]], selected=both[1])
+        claimed = replace(self.listed.up_to(0), history=[self.calibrated, both[0]], selected=both[1])
         out = self.problem.stands_out(both[0].residual)
         formula = self.spend("formulas", partial(look_beside, self.problem, claimed, self.say)) if out else None
         if formula is None or formula.as_good or len(formula.selected) < len(both[1]):

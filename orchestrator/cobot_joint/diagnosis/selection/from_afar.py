@@ -46,7 +46,7 @@ def look_from_afar(
     leading = _leading(slow, at, tried)
     if onset is not None:
         segment = float(problem.times().max()) / SEGMENTS
-        leading = _leading(slow, at, _nearby(leading, [part * segment for part in NEAR]))
+        leading = _leading(slow, at, _nearby(leading, [onset + part * segment for part in NEAR]))
     enough = max(thresholds.WORTH_FITTING * (before - slow.samples), problem.evidence)
     fits: dict[str, Fit] = {}
     for active, left in leading[:FITTED]:
@@ -59,10 +59,9 @@ def look_from_afar(
     return dict(sorted(lower.items(), key=lambda item: item[1].cost))
 
 
-def _nearby(leading: Sequence[tuple[ActiveTerm, float]], off: Sequence[float]) -> list[ActiveTerm]:
-    """The first of them at other onsets."""
-    moved = [replace(active, onset=(active.onset or 0.0) + t) for active, _ in leading[:FITTED] for t in off]
-    return [active for active in moved if (active.onset or 0.0) > 0]
+def _nearby(leading: Sequence[tuple[ActiveTerm, float]], onsets: Sequence[float]) -> list[ActiveTerm]:
+    """The first of them from these times on."""
+    return [replace(active, onset=onset) for active, _ in leading[:FITTED] for onset in onsets if onset > 0]
 
 
 def _leading(slow: Averaged, at: Fit, tried: Sequence[ActiveTerm]) -> list[tuple[ActiveTerm, float]]:

@@ -90,8 +90,8 @@ def look_outside(
     Selection: listed terms that were found beside it, and leave less than `explained` without it.
 
     explained: the fit with these terms, or the calibrated one where there are none; then half of what is above noise
-    has to be taken. select: listed terms from a fit on: of several terms the first may have stood in for a parameter,
-    and where they leave what stands out, both may be missing.
+    has to be taken, or of what is slow in it. select: listed terms from a fit on: of several terms the first may have
+    stood in for a parameter, and where they leave what stands out, both may be missing.
     """
     if not problem.unexplained(calibrated.residual):
         return None
@@ -102,7 +102,8 @@ def look_outside(
     gain = calibrated.cost - best.cost if best is not None else 0.0
     if best is not None and gain >= problem.evidence:
         slack = thresholds.ALIKE + thresholds.ALIKE_SHARE * max(problem.excess(explained.residual), 0.0)
-        alone = gain >= taken - slack if selected else gain >= taken or _takes_what_is_slow(problem, calibrated, best)
+        slow = not selected and _takes_what_is_slow(problem, calibrated, explained, best)
+        alone = slow or gain >= taken - (slack if selected else 0.0)
         instead = len(selected) > 1 and gain >= thresholds.ALONE * first
         more = _with_terms(problem, best, select) if alone or instead or beside else None
         needs_fewer = (
@@ -119,13 +120,18 @@ def look_outside(
     return _beside(problem, calibrated, explained, selected, say) if beside and selected else None
 
 
-def let_go(problem: Problem, calibrated: Fit, name: str, value: float, select: Select) -> Outside | None:
-    """That parameter free of its tolerance, from a value on, and what `select` finds beside it; None: it takes nothing
-    from free runs, or they have no such parameter."""
-    freed = next((each for each in _freed(calibrated, {name: value}) if each.hypothesis.effects[-1].name == name), None)
+def let_go(
+    problem: Problem, calibrated: Fit, value: Mapping[str, float], alike: tuple[str, ...], select: Select
+) -> Outside | None:
+    """One parameter free of its tolerance, from a value on, and the listed terms that `select` finds beside it. None:
+    it takes nothing from free runs, is not needed beside these terms, or may not go beyond its tolerance."""
+    freed = next((each for each in _freed(calibrated, value) if each.hypothesis.effects[-1].name in value), None)
     best = fit(problem, freed.hypothesis, freed.x, None, finished(1)) if freed else None
-    gain = calibrated.cost - best.cost if best is not None else 0.0
-    return Outside(_with_terms(problem, best, select), gain, ()) if best and gain >= problem.evidence else None
+    if best is None or calibrated.cost - best.cost < problem.evidence:
+        return None
+    more = _with_terms(problem, best, select)
+    gain = _needed(problem, more.fit) if more.selected else calibrated.cost - best.cost
+    return Outside(more, gain, alike) if gain is not None else None
 
 
 def in_place_of(problem: Problem, calibrated: Fit, formula: Unmodelled, say: Say) -> Outside | None:
@@ -164,12 +170,12 @@ def _beside(
     return found
 
 
-def _takes_what_is_slow(problem: Problem, calibrated: Fit, best: Fit) -> bool:
-    """Whether it takes half of a slow part that stands out: impacts, out of step with a gap that grew, are the larger
-    part of chi-square, and no parameter's (163, 42)."""
-    slow = problem.excess(calibrated.residual)
+def _takes_what_is_slow(problem: Problem, calibrated: Fit, explained: Fit, best: Fit) -> bool:
+    """Whether it takes half of a slow part that stands out, and no less of it than `explained`: impacts, out of step
+    with a gap that grew, are the larger part of chi-square, and no parameter's (163, 42)."""
+    slow, other, left = (problem.excess(each.residual) for each in (calibrated, explained, best))
     much = slow > thresholds.LEFT_SIGMA**2 * problem.samples
-    return much and problem.excess(best.residual) < (1 - thresholds.HOLDS) * slow
+    return much and left < (1 - thresholds.HOLDS) * slow and left <= other
 
 
 def _needless(problem: Problem, calibrated: Fit, alone: Fit, more: Selection) -> Selection | None:

@@ -87,16 +87,18 @@ class Selector:
         """One term, seen from afar, that leaves less than several which leave what stands out, or than one that takes
         too little to stand alone: a gear that gives way was a brake that fades, a load, and a sensor's gain (157, 18),
         a belt that creeps late a brake that fades (163, 53)."""
-        base, fit = so_far.history[0], so_far.fit
-        if not so_far.selected or self.given or not self.problem.stands_out(fit.residual):
+        base, best = so_far.history[0], so_far.fit
+        if not so_far.selected or self.given or not self.problem.stands_out(best.residual):
             return None
-        before, left = remains(self.problem, base, fit)
+        before, left = remains(self.problem, base, best)
         if len(so_far.selected) == 1 and left < (1 - thresholds.ALONE) * before:
             return None
-        since = dict.fromkeys([None, *(term.begins for term in fit.settled().hypothesis.terms)])
-        look = partial(self._alone, base, since)
+        begins = [term.begins for term in best.settled().hypothesis.terms] if self.problem.onsets else []
+        look = partial(self._alone, base, dict.fromkeys([None, *begins]))
         one = self.problem.budget.spend("one term instead of others", look)
-        if one is None or one.cost > fit.cost - self.problem.evidence:
+        late = one is not None and one.hypothesis.terms[-1].onset is not None
+        freer = thresholds.WORTH * (best.chi2 - self.problem.samples) if late or len(so_far.selected) == 1 else 0.0
+        if one is None or best.cost - one.cost < max(self.problem.evidence, freer):
             return None
         name = one.hypothesis.terms[-1].name
         self.progress(f"{name} alone leaves less than the terms above")

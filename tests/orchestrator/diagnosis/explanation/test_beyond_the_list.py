@@ -97,10 +97,10 @@ def test_a_parameter_that_the_motion_claims_is_let_go_of_in_free_runs_which_may_
     search = Search(named=[cast(Named, SimpleNamespace(name=name, alike=(), shows=True))])
     search.repaired = {name: Estimate(1.0, "1", (1.0, 1.0))}
 
-    def let_go(problem: Problem, calibrated: Fit, name: str, *_: object) -> Outside | None:
+    def let_go(problem: Problem, calibrated: Fit, value: dict[str, float], *_: object) -> Outside | None:
         fit = damping_outside(problem, calibrated).fit
         chi2 = calibrated.chi2 - takes * (calibrated.chi2 - problem.samples)
-        return Outside(Selection([replace(fit, chi2=chi2)]), 1e3, ()) if name == "axis.d" else None
+        return Outside(Selection([replace(fit, chi2=chi2)]), 1e3, ()) if "axis.d" in value else None
 
     monkeypatch.setattr(beyond, "can_follow", lambda campaign, plant: True)
     monkeypatch.setattr(beyond, "follow", lambda campaign, plant, say, in_runs, start: search)
@@ -140,9 +140,13 @@ def test_a_formula_over_an_angle_gives_way_to_what_the_recorded_motion_claims(
     assert [f.term for f in diagnose_plant(drifting(), Axis()).findings] == named
 
 
-@pytest.mark.parametrize(("outdone", "named"), [(True, [FORMULA]), (False, [])])
+@pytest.mark.parametrize(
+    ("outdone", "left", "named"),
+    [(True, 0.3, [FORMULA]), (False, 0.3, []), (True, 0.8, [])],
+    ids=["it leaves so much less", "it does not", "free runs have lost the angle"],
+)
 def test_a_formula_over_an_angle_that_leaves_so_much_less_than_what_the_motion_claims_is_the_answer(
-    outdone: bool, named: list[str], monkeypatch: pytest.MonkeyPatch
+    outdone: bool, left: float, named: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A wave that turned with the direction, 13 times the background, was cogging, 97 % sure (163, 88)."""
     feature = Feature(Product((Factor("x", "sin"),)), Estimate(1.0, "N.m", (0.9, 1.1)))
@@ -157,6 +161,7 @@ def test_a_formula_over_an_angle_that_leaves_so_much_less_than_what_the_motion_c
     monkeypatch.setattr(beyond, "follow", lambda campaign, plant, say, in_runs, start: Search())
     monkeypatch.setattr(beyond, "look_for_unmodelled", lambda problem, fit, *_: Unmodelled(fit, [], finding, 0.9))
     monkeypatch.setattr(beyond, "beside_listed", fitted)
+    monkeypatch.setattr(beyond, "remains", lambda *_: [1.0, left])
     monkeypatch.setattr(engine, "look_outside", lambda *_: None)
     monkeypatch.setattr(beyond, "takes_most", lambda problem, listed: False)
     monkeypatch.setattr(Search, "claims", property(lambda self: True))

@@ -79,6 +79,6 @@ def test_of_onsets_near_one_that_another_term_has_the_best_is_taken() -> None:
     windage = next(t for t in TERMS if t.name == "axis.windage")
     segment = problem.times().max() / SEGMENTS
     begun = ActiveTerm(windage, {"axis.windage.c": 2e-4}, 2.5)
-    ((found, left),) = _leading(slow, known, _nearby([(begun, 0.0)], [part * segment for part in NEAR]))
+    ((found, left),) = _leading(slow, known, _nearby([(begun, 0.0)], [2.5 + part * segment for part in NEAR]))
     assert found.onset == pytest.approx(2.6, abs=segment / 32)
     assert left < 0.01 * np.sum(slow.of(known.residual) ** 2)

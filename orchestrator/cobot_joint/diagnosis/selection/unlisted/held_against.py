@@ -94,8 +94,8 @@ def _units(listed: Selection) -> set[str]:
 
 
 def look_beside_parameter(problem: Problem, outside: Selection, say: Say) -> Unmodelled | None:
-    """Beside a base parameter outside its tolerance: in place of the listed terms that were selected beside it, where
-    it leaves so much less, or beside them as well.
+    """Beside a base parameter outside its tolerance: in place of the listed terms that were selected beside it (see
+    _in_place), or beside them as well.
 
     outside: the fit with the parameter alone, then those with terms; or, where terms were there before it, the base
     model, then that with both.

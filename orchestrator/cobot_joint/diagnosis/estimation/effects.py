@@ -169,11 +169,6 @@ class ActiveTerm:
         return self.term.component
 
     @property
-    def begins(self) -> float | None:
-        """s; from when on it acts. None: from the start."""
-        return self.values[self.term.episode[0]] if self.term.episode else self.onset
-
-    @property
     def coordinates(self) -> tuple[Coordinate, ...]:
         """Amplitude (sine and cosine of one with a phase), then the shapes that are no whole numbers."""
         return (*self._amplitude(), *(self._shape(s) for s in self.term.shapes if not s.whole))

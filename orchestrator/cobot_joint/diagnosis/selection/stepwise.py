@@ -12,6 +12,7 @@ import numpy as np
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.candidates.score_test import Column, Scan, Score, scores
 from cobot_joint.diagnosis.estimation.calibrate import SETTLED
+from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.least_squares import (
     difference,
@@ -93,7 +94,7 @@ class Selector:
         before, left = remains(self.problem, base, best)
         if len(so_far.selected) == 1 and left < (1 - thresholds.ALONE) * before:
             return None
-        begins = [term.begins for term in best.settled().hypothesis.terms] if self.problem.onsets else []
+        begins = [_begins(term) for term in best.settled().hypothesis.terms] if self.problem.onsets else []
         look = partial(self._alone, base, dict.fromkeys([None, *begins]))
         one = self.problem.budget.spend("one term instead of others", look)
         late = one is not None and one.hypothesis.terms[-1].onset is not None
@@ -331,6 +332,11 @@ class Selector:
         """Whether a fit cannot be told from the best."""
         left = max(self.problem.excess(best.residual), 0.0)
         return fit.cost - best.cost < thresholds.ALIKE + thresholds.ALIKE_SHARE * left
+
+
+def _begins(active: ActiveTerm) -> float | None:
+    """s; from when on a term acts. None: from the start."""
+    return active.values[active.term.episode[0]] if active.term.episode else active.onset
 
 
 def share(part: float, whole: float) -> str:

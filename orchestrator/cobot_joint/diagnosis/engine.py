@@ -80,9 +80,9 @@ def _diagnosed(campaign: Campaign, plant: Plant, say: Progress, store: Store, bu
     problem, calibrated = calibrate(campaign, plant, say, store)
     problem.budget, say = budget, watched(problem, say)
     with ThreadPoolExecutor(1) as beside:  # the search leaves a quarter of two cores idle
+        say("locating the difference")
         located = beside.submit(_located, problem, calibrated, store)
         found, explanation = explain(campaign, problem, calibrated, say, store)
-        say("locating the difference")
         found.located = located.result()
     if explanation.calibrated is not calibrated:  # a better one came up on the way
         found.located = _located(problem, explanation.calibrated, store)

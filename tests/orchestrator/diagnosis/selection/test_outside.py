@@ -179,8 +179,6 @@ def test_a_parameter_that_is_let_go_of_from_a_value_on_has_what_is_found_beside_
     with one_blas_thread():
         truth = {"axis.d": times * NOMINAL["axis.d"], "axis.windage.c": 2e-4 if takes else 0.0}
         problem, base = calibrate(campaign(truth), Axis(), lambda words: None, Store(None))
-        if takes:  # drag and friction make up for each other, so that the re-fit has it inside
-            assert abs(base.estimates({})[name].value / NOMINAL[name] - 1) < 0.101
         value = {name: times * NOMINAL[name]}
         found = let_go(problem, base, value, ("axis.alike",), partial(with_windage, problem))
     assert (found is not None) == takes

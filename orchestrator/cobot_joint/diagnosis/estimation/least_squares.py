@@ -16,7 +16,7 @@ from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.estimation.effects import Coordinate, Effect
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
-from cobot_joint.diagnosis.estimation.problem import Problem, Simulated, Vector
+from cobot_joint.diagnosis.estimation.problem import Problem, Run, Simulated, Vector
 
 WIDE = 0.05  # of a value, beyond which no difference quotient goes
 LAST = 3.0  # steps not worth their run: what a fresh Jacobian has to bring, or it was the last
@@ -58,20 +58,31 @@ def difference(
     problem: Problem, hypothesis: Hypothesis, x: Vector, base: Simulated, only: Sequence[int] | None = None
 ) -> Vector | None:
     """d(simulated)/dx by one-sided differences, inside bounds: (rows, len(x) or len(only)); None: a run failed."""
+    runs, steps, where = _stepped(problem, hypothesis, x, range(len(x)) if only is None else only)
+    return _quotients(problem.simulate(runs, base, where), base, steps)
+
+
+def _stepped(
+    problem: Problem, hypothesis: Hypothesis, x: Vector, only: Sequence[int]
+) -> tuple[list[Run], list[float], list[int | None]]:
+    """Per coordinate: the run a step further, the step, and the one recording in which it acts, None: in all."""
     runs, steps, where = [], [], []
-    coordinates = hypothesis.coordinates
     names = [recording.name for recording in problem.recordings]
-    for k in range(len(coordinates)) if only is None else only:
-        c = coordinates[k]
+    for k in only:
+        c = hypothesis.coordinates[k]
         step = _step(problem, c, float(x[k]))
         steps.append(step if x[k] + step <= c.upper else -step)
         point = x.copy()
         point[k] += steps[-1]
         runs.append(replace(hypothesis.run(point), touches=(c.component,) if c.component else ()))
         where.append(names.index(c.recording) if c.recording else None)
-    found = problem.simulate(runs, base, where)
+    return runs, steps, where
+
+
+def _quotients(found: Sequence[Simulated | None], base: Simulated, steps: Sequence[float]) -> Vector | None:
+    """(rows, runs); None: a run failed."""
     columns = [(f.white - base.white) / step for f, step in zip(found, steps, strict=True) if f is not None]
-    return np.column_stack(columns) if len(columns) == len(runs) else None
+    return np.column_stack(columns) if len(columns) == len(steps) else None
 
 
 def _step(problem: Problem, coordinate: Coordinate, x: float) -> float:
@@ -90,14 +101,16 @@ def fit(
     x: Vector | None = None,
     jacobian: Vector | None = None,
     precision: Precision = Precision(),
+    simulated: Simulated | None = None,
 ) -> Fit | None:
     """The hypothesis at its best point near the start. None: the start cannot be simulated.
 
-    x, jacobian: where to start, and an approximate Jacobian there (rows, len(x)). Broyden's update where a step came as
-    predicted, differences where not: first of the effects' own columns, which are few and bend most, then of all.
+    x, jacobian, simulated: where to start, an approximate Jacobian there (rows, len(x)), and its run where that is
+    known. Broyden's update where a step came as predicted, differences where not: first of the effects' own columns,
+    which are few and bend most, then of all.
     """
     search = _Search(problem, hypothesis, precision)
-    if not search.begin(hypothesis.start() if x is None else x, jacobian):
+    if not search.begin(hypothesis.start() if x is None else x, jacobian, simulated):
         return None
     number = 0
     for number in range(1, precision.steps + 1):  # noqa: B007 - the last one is told below
@@ -105,8 +118,8 @@ def fit(
             break
     if search.J is None or search.base is None:
         return None
-    residual = search.residual
-    return Fit(hypothesis, search.at, float(residual @ residual), residual, search.base, search.J, number)
+    residual, seen = search.residual, problem.seen(search.residual)
+    return Fit(hypothesis, search.at, float(seen @ seen), residual, search.base, search.J, number)
 
 
 class _Search:
@@ -124,10 +137,11 @@ class _Search:
         self.base: Simulated | None = None
         self.J: Vector | None = None
 
-    def begin(self, x: Vector, jacobian: Vector | None) -> bool:
+    def begin(self, x: Vector, jacobian: Vector | None, simulated: Simulated | None) -> bool:
         """Whether the start can be simulated."""
         self.at = np.clip(x, self.lower, self.upper)
-        self.base = self.problem.simulate([self.hypothesis.run(self.at)])[0]
+        known = simulated is not None and np.array_equal(self.at, x)
+        self.base = simulated if known else self.problem.simulate([self.hypothesis.run(self.at)])[0]
         if self.base is None:
             return False
         self.residual = self.problem.recorded - self.base.white
@@ -167,7 +181,8 @@ class _Search:
 
     def _trial(self, J: Vector) -> tuple[Vector, float]:
         """The next point, and the decrease of the cost that the Jacobian predicts for it."""
-        gram, gradient = J.T @ J + np.diag(self.prior), J.T @ self.residual - self.prior * self.at
+        J, residual = self.problem.seen(J), self.problem.seen(self.residual)
+        gram, gradient = J.T @ J + np.diag(self.prior), J.T @ residual - self.prior * self.at
         damped = gram + self.damping * np.eye(len(self.at))
         step, _ = bounded_step(damped, gradient, self.lower - self.at, self.upper - self.at)
         return np.clip(self.at + step, self.lower, self.upper), float(2 * gradient @ step - step @ gram @ step)
@@ -203,7 +218,8 @@ class _Search:
             self.jacobians -= 1
 
     def _cost(self, residual: Vector, x: Vector) -> float:
-        return float(residual @ residual + self.prior @ x**2)
+        seen = self.problem.seen(residual)
+        return float(seen @ seen + self.prior @ x**2)
 
     def _above(self, cost: float) -> float:
         """Above what noise leaves."""
@@ -212,7 +228,7 @@ class _Search:
 
 def fit_on(problem: Problem, found: Fit, precision: Precision) -> Fit | None:
     """The same hypothesis, fitted on from where it stands."""
-    return fit(problem, found.hypothesis, found.x, found.jacobian, precision)
+    return fit(problem, found.hypothesis, found.x, found.jacobian, precision, found.simulated)
 
 
 def fit_added(problem: Problem, best: Fit, effects: Sequence[Effect], precision: Precision) -> Fit | None:
@@ -220,11 +236,16 @@ def fit_added(problem: Problem, best: Fit, effects: Sequence[Effect], precision:
     before = best.settled()
     hypothesis = before.hypothesis.with_effects(*effects)
     x = np.concatenate([before.x, *(effect.start() for effect in effects)])
-    base = problem.simulate([hypothesis.run(x)])[0]
-    added = difference(problem, hypothesis, x, base, range(len(before.x), len(x))) if base is not None else None
+    own = range(len(before.x), len(x))
+    components = {hypothesis.coordinates[k].component for k in own}
+    touches = tuple(sorted(c for c in components if c)) if all(components) else ()
+    runs, steps, where = _stepped(problem, hypothesis, x, own)
+    at_once = [replace(run, touches=touches) for run in (hypothesis.run(x), *runs)]
+    base, *found = problem.simulate(at_once, before.simulated, [None, *where])
+    added = _quotients(found, base, steps) if base is not None else None
     if added is None:
         return None
-    return fit(problem, hypothesis, x, np.column_stack([before.jacobian, added]), precision)
+    return fit(problem, hypothesis, x, np.column_stack([before.jacobian, added]), precision, base)
 
 
 def predicted_decrease(found: Fit) -> float:

@@ -8,7 +8,6 @@ Multiscale seismic waveform inversion, Geophysics 60(5), 1457-1473.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -16,8 +15,8 @@ import numpy as np
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
-from cobot_joint.diagnosis.estimation.least_squares import Precision, fit, predicted_decrease
-from cobot_joint.diagnosis.estimation.problem import Block, Problem, Vector
+from cobot_joint.diagnosis.estimation.least_squares import Precision, fit, fit_on, predicted_decrease
+from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 
 WIDEST = 256  # samples that are averaged: the wider, the fewer local minima. From 128 on, four starts of five ended out
 # of step with a brake that lets go late; from 256 on, none did
@@ -30,30 +29,23 @@ FAR = 0.03  # of the slow residual above noise, that a re-fit would take: of 45 
 
 
 class Averaged(Problem):
-    """A problem whose rows are means over a window, times the root of its length: white noise keeps its variance."""
+    """A problem of whose rows a fit sees means over a window, times the root of its length: white noise keeps its
+    variance. A fit's residual and Jacobian are those of all rows, so that one through another window goes on from it.
+    """
 
     def __init__(self, fine: Problem, window: int) -> None:
-        self.fine, self.window = fine, window
         super().__init__(fine.plant, fine.recordings, fine.noise, fine.jobs, fine.step)
-        self.budget, self.watch, self._runs = fine.budget, fine.watch, fine._runs
-        row = 0
-        self.blocks = []
-        for block in fine.blocks:
-            weight = _means(block.weight, window)
-            self.blocks.append(Block(block.recording, block.channel, slice(row, row + len(weight)), weight))
-            row += len(weight)
-        self.rows = row
+        self.budget, self.watch, self._runs, self.window = fine.budget, fine.watch, fine._runs, window
 
-    def whiten_one(self, n: int, outputs: Mapping[str, Vector]) -> Vector:
-        """See Problem.whiten_one."""
-        rows, own = self.fine.whiten_one(n, outputs), [b for b in self.fine.blocks if b.recording == n]
-        parts = np.split(rows, [b.rows.stop - own[0].rows.start for b in own[:-1]])
-        return np.concatenate([_means(part, self.window) for part in parts]) * np.sqrt(self.window)
-
-    def of(self, rows: Vector) -> Vector:
-        """Rows of the problem itself, (n,) or (n, k), averaged: (rows,) or (rows, k)"""
-        parts = [_means(rows[block.rows], self.window) for block in self.fine.blocks]
+    def seen(self, rows: Vector) -> Vector:
+        """Means, block by block: (windows,) or (windows, k)"""
+        parts = [_means(rows[block.rows], self.window) for block in self.blocks]
         return np.concatenate(parts) * np.sqrt(self.window)
+
+    @property
+    def samples(self) -> int:
+        """Windows that carry data."""
+        return int(sum(_means(block.weight, self.window).sum() for block in self.blocks))
 
 
 def out_of_local_minimum(problem: Problem, found: Fit, precision: Precision) -> Fit:
@@ -66,23 +58,22 @@ def out_of_local_minimum(problem: Problem, found: Fit, precision: Precision) -> 
         return found
     at = found
     for slow in slowest_first:
-        known = slow.of(found.jacobian) if at is found else None
-        begun = fit(slow, found.hypothesis, at.x, known, ON_THE_WAY)
+        begun = fit_on(slow, at, ON_THE_WAY)
         if begun is None or (_is_far(slow, found) and not _lost(slow, found, begun.chi2)):
             return found  # another form is missing, not another place
         at = begun
-    ended = fit(problem, found.hypothesis, at.x, None, precision)
+    ended = fit_on(problem, at, precision)
     return ended if ended is not None and ended.cost < found.cost else found
 
 
 def slow_first(problem: Problem, hypothesis: Hypothesis, x: Vector, precision: Precision) -> Fit | None:
     """A fit that begins far from where it belongs. None: the start cannot be simulated."""
-    for slow in scales(problem):
-        begun = fit(slow, hypothesis, x, None, ON_THE_WAY)
-        if begun is None:
+    at: Fit | None = None
+    for each, wanted in [*((slow, ON_THE_WAY) for slow in scales(problem)), (problem, precision)]:
+        at = fit_on(each, at, wanted) if at is not None else fit(each, hypothesis, x, None, wanted)
+        if at is None:
             return None
-        x = begun.x
-    return fit(problem, hypothesis, x, None, precision)
+    return at
 
 
 def slow_part(problem: Problem) -> Averaged | None:
@@ -104,8 +95,7 @@ def _widest(problem: Problem) -> int:
 
 def _is_far(slow: Averaged, found: Fit) -> bool:
     """Whether a re-fit would take much of the slow part of the residual."""
-    residual = slow.of(found.residual)
-    at = replace(found, residual=residual, jacobian=slow.of(found.jacobian))
+    at = replace(found, residual=slow.seen(found.residual), jacobian=slow.seen(found.jacobian))
     noise = thresholds.LEFT_SIGMA * np.sqrt(2 * slow.samples)
     above = _above(slow, found)
     return above > noise and predicted_decrease(at) > FAR * above
@@ -118,7 +108,7 @@ def _lost(slow: Averaged, found: Fit, chi2: float) -> bool:
 
 def _above(slow: Averaged, found: Fit) -> float:
     """Chi-square above noise of what a fit leaves in its slow part."""
-    residual = slow.of(found.residual)
+    residual = slow.seen(found.residual)
     return float(residual @ residual) - slow.samples
 
 

@@ -133,6 +133,10 @@ class Problem:
         """Rows that carry data."""
         return int(sum(block.weight.sum() for block in self.blocks))
 
+    def seen(self, rows: Vector) -> Vector:
+        """What a fit sees of rows, (rows,) or (rows, k): all."""
+        return rows
+
     @property
     def evidence(self) -> float:
         """Chi-square that a term must take."""

@@ -35,13 +35,12 @@ def look_from_afar(
     onset: s; from when on they act. None: always.
     """
     at, number = best.settled(), int(np.argmax(problem.above_noise(best.residual)))
-    one = problem.part([number])  # says as much as all of them
-    slow = slow_part(one)
+    slow = slow_part(problem.part([number]))  # says as much as all of them
     if slow is None:
         return {}
     first = {c.term.name: c for c in reversed(columns) if c.term.phase is None and not c.term.episode}
     there = [c for c in first.values() if problem.plant.has(c.term.name, problem.recordings[number])]
-    before = float(np.sum(slow.of(at.residual[problem.rows_of([number])]) ** 2))
+    before = float(np.sum(slow.seen(at.residual[problem.rows_of([number])]) ** 2))
     tried = [replace(active, onset=onset) for column in there for active in _sizes(column, best)]
     leading = _leading(slow, at, tried)
     if onset is not None:
@@ -66,12 +65,12 @@ def _nearby(leading: Sequence[tuple[ActiveTerm, float]], onsets: Sequence[float]
 
 def _leading(slow: Averaged, at: Fit, tried: Sequence[ActiveTerm]) -> list[tuple[ActiveTerm, float]]:
     """Of each term that which leaves least of the slow part, all else as it is, and how much; the least first."""
-    one, left = slow.fine, dict[str, tuple[ActiveTerm, float]]()
+    left: dict[str, tuple[ActiveTerm, float]] = {}
     runs = [at.hypothesis.with_effects(active).run(np.concatenate([at.x, active.start()])) for active in tried]
-    for active, simulated in zip(tried, one.simulate(runs), strict=True):
+    for active, simulated in zip(tried, slow.simulate(runs), strict=True):
         if simulated is None:
             continue
-        rest = float(np.sum(slow.of(one.recorded - simulated.white) ** 2))
+        rest = float(np.sum(slow.seen(slow.recorded - simulated.white) ** 2))
         if rest < left.get(active.name, (active, np.inf))[1]:
             left[active.name] = active, rest
     return sorted(left.values(), key=lambda each: each[1])

@@ -15,7 +15,7 @@ from cobot_joint.diagnosis.estimation.calibrate import CALIBRATION, noises
 from cobot_joint.diagnosis.estimation.effects import BaseParameter
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
-from cobot_joint.diagnosis.estimation.least_squares import Precision, fit
+from cobot_joint.diagnosis.estimation.least_squares import Precision, fit, fit_on
 from cobot_joint.diagnosis.estimation.multiscale import LEAST, SLOW, Averaged, out_of_local_minimum, scales
 from cobot_joint.diagnosis.estimation.noise import Noise
 from cobot_joint.diagnosis.estimation.problem import Problem, Run
@@ -95,14 +95,26 @@ def test_windows_are_as_wide_as_a_recording_allows(samples: int, windows: list[i
     assert [slow.window for slow in scales(stop(0.005, samples))] == windows
 
 
+def test_a_fit_through_a_window_goes_on_from_the_jacobian_of_the_one_before() -> None:
+    """Rows stay those of the recordings, so that a wider window's Jacobian serves a narrower one."""
+    problem = stop(0.08)
+    wide, narrow = scales(problem)
+    first = fit(wide, fitted(problem).hypothesis, precision=PRECISION)
+    assert first is not None
+    assert first.jacobian.shape == (problem.rows, 2)
+    before = problem.runs
+    assert fit_on(narrow, first, replace(PRECISION, steps=1)) is not None
+    assert problem.runs == before + 1  # the step; neither its start nor a Jacobian
+
+
 def test_averaged_rows_keep_the_variance_of_white_noise_and_what_was_not_recorded_is_left_out() -> None:
     problem = stop(0.05)
     problem.recordings[0].outputs["y"][1000:1010] = np.nan
     averaged = Averaged(Problem(Stop(), problem.recordings, problem.noise, jobs=1), 32)
     simulated = averaged.simulate([Run({LATE.name: 0.05})])[0]
     assert simulated is not None
-    residual = averaged.recorded - simulated.white
-    assert len(residual) == averaged.rows == 3000 // 32
+    residual = averaged.seen(averaged.recorded - simulated.white)
+    assert len(residual) == 3000 // 32
     assert averaged.samples == pytest.approx(3000 // 32, abs=1)
     assert np.std(residual) == pytest.approx(1.0, abs=0.25)
 

@@ -81,4 +81,4 @@ def test_of_onsets_near_one_that_another_term_has_the_best_is_taken() -> None:
     begun = ActiveTerm(windage, {"axis.windage.c": 2e-4}, 2.5)
     ((found, left),) = _leading(slow, known, _nearby([(begun, 0.0)], [2.5 + part * segment for part in NEAR]))
     assert found.onset == pytest.approx(2.6, abs=segment / 32)
-    assert left < 0.01 * np.sum(slow.of(known.residual) ** 2)
+    assert left < 0.01 * np.sum(slow.seen(known.residual) ** 2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -112,6 +113,7 @@ class Beside:
         groups = [group.count for group in self.background]
         self.regression = Regression(own, precision, centre, groups, readings)
         self._scan: Evidence | None = None
+        self._asking = threading.Lock()
 
     def gain_over(self, other: Beside) -> float:
         """How much more likely the same recordings are here than there: those in which neither filter loses its way, as
@@ -237,14 +239,16 @@ class Beside:
 
     def _shortlist(self, term: TermCandidate, every: Sequence[Mapping[str, float]]) -> Sequence[Mapping[str, float]]:
         """Those that do best on a stretch of each recording."""
-        if self._scan is None:
-            self._scan = Evidence([_stretch(t) for t in self.trackings], self.evidence.tolerances)
+        with self._asking:
+            if self._scan is None:
+                self._scan = Evidence([_stretch(t) for t in self.trackings], self.evidence.tolerances)
+            scan = self._scan
         width = 2
         gains: list[float] = []
         for first in range(0, len(every), TOGETHER):
             some = every[first : first + TOGETHER]
             groups = [slice(k * width, (k + 1) * width) for k in range(len(some))]
-            gains += [gain for _, _, gain in self._scan.gls(self._scan.of_term(term, some), groups)]
+            gains += [gain for _, _, gain in scan.gls(scan.of_term(term, some), groups)]
         return [every[k] for k in np.argsort(gains)[::-1][:FEW]]
 
     def _white(self, effect: Effect) -> list[Array]:

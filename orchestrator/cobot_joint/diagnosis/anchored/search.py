@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -117,6 +118,7 @@ class Searcher:
         self.plant, self.tracker, self.say = plant, tracker, say
         self.bounds, self.terms, self.in_runs = dict(bounds), list(terms), set(in_runs)
         self._base_runs: dict[object, list[NDArray[np.float64]] | None] = {}  # of one point of the search
+        self._asking = threading.Lock()
         self._phases = {t.phase for t in terms}
         self._pointed: set[str] = set()  # terms that the first look pointed to
 
@@ -239,20 +241,22 @@ class Searcher:
     def _next(self, found: Search, at: Beside) -> list[Named]:
         """Terms that the data speak for, best first."""
         on = {name for named in found.named for name in (named.name, *named.alike)}
-        ranked: list[Candidate] = []
         every = [*self.terms, *(self._as_term(found, name) for name in self.bounds)]
         pool = [t for t in every if t.name not in on and t.amplitude not in found.own]
         pool = [t for t in pool if not self._pointed or t.name in self._pointed]
-        for n, term in enumerate(pool):
+
+        def looked_at(n: int, term: TermCandidate) -> Candidate | None:
             self.say(f"{term.name}, {n + 1} of {len(pool)}")
-            outside = term.name in self.bounds
             candidate = at.candidate(term) or (self._by_runs(found, at, term) if term.name in self.in_runs else None)
-            candidate = self._outside(found, at, candidate) if candidate and outside else candidate
-            if candidate is not None:
-                ranked.append(candidate)
+            return self._outside(found, at, candidate) if candidate and term.name in self.bounds else candidate
+
+        ranked = [c for c in at_once(looked_at, range(len(pool)), pool) if c is not None]
         ranked.sort(key=lambda c: -c.evidence)
-        first = [c if c.term.name in self.bounds else at.with_onset(c, thresholds.LATER / 2) for c in ranked[:FIRST]]
-        ranked = sorted([*first, *ranked[FIRST:]], key=lambda c: -c.evidence)
+
+        def late(c: Candidate) -> Candidate:
+            return c if c.term.name in self.bounds else at.with_onset(c, thresholds.LATER / 2)
+
+        ranked = sorted([*at_once(late, ranked[:FIRST]), *ranked[FIRST:]], key=lambda c: -c.evidence)
         self._pointed = self._pointed or {c.term.name for c in ranked[:POINTED]}
         found.ranking.append([(c.term.name, c.evidence) for c in ranked[:10]])
         taken = max((named.evidence for named in found.named), default=0.0)
@@ -282,9 +286,10 @@ class Searcher:
             return None
         recordings = [t.tracked.recording for t in at.trackings]
         point = tuple(r.name for r in recordings), frozenset(found.values.items()), frozenset(found.onsets.items())
-        if point not in self._base_runs:
-            self._base_runs = {point: self._runs(found, recordings, {})}
-        base = self._base_runs[point]
+        with self._asking:
+            if point not in self._base_runs:
+                self._base_runs = {point: self._runs(found, recordings, {})}
+            base = self._base_runs[point]
         probe = PROBE.get(term.unit, PROBE["1"])
         every = list(combinations(term))
         if base is None or (far := self._runs(found, recordings, _on(term, every[0], probe))) is None:

@@ -53,14 +53,15 @@ def order_spectrum(
         rows = [b.rows for b in blocks if b.recording == number]
         samples = len(signals[number][angle]) // width * width
         phi = signals[number][angle][:samples].reshape(-1, width)
-        r = np.stack([residual[of_one][:samples].reshape(-1, width) for of_one in rows])
+        r = np.stack([residual[of_one][:samples].reshape(-1, width) for of_one in rows], axis=1)
         r = detrend(r, axis=2) * taper if samples else r
         turned, fastest = np.ptp(phi, axis=1), np.abs(np.diff(phi, axis=1)).max(axis=1, initial=0.0)
         for k, wave in enumerate(_waves(phi, n)):
             seen = (turned * n[k] > PERIODS * 2 * np.pi) & (fastest * n[k] < HIGHEST)
-            projected = np.einsum("cwi,wi->cw", r[:, seen], wave[seen])
-            power[k] += float(np.sum(np.abs(projected) ** 2 / width - 1))
-            windows[k] += len(rows) * np.count_nonzero(seen)
+            parts = wave.view(np.float64).reshape(*wave.shape, 2)  # real and imaginary
+            count = len(rows) * np.count_nonzero(seen)
+            power[k] += float(np.sum((r @ parts)[seen] ** 2)) / width - count
+            windows[k] += count
     return power, windows
 
 

@@ -227,16 +227,17 @@ class Lineariser:
 
         SimulationError: the unit refuses.
         """
-        name = parameters[0].split(".", 1)[0]
+        sampled, name = self.sampled, parameters[0].split(".", 1)[0]
         part = next(p for p in self._parts if p.component.name == name)
-        if name not in self._of_part or self._of_part[name][0] is not piece:  # every term of a component asks for it
-            self._of_part[name] = piece, Known(self.sampled, [(name, v) for v in part.known])(piece)
-        function = self._function(part, self.sampled.values_of(name, float(piece.time[0])))
         varied = [v.split(".", 1)[1] for v in values[0]]
         columns = np.array([[float(v) for v in column.values()] for column in values])
         own = [parameter.split(".", 1)[1] for parameter in parameters]
-        points = effect.Part(function, own, part.inner, part.outer, piece.time, self._of_part[name][1])
-        return effect.along(points, varied, columns, answer)
+        with sampled.in_use:  # a unit answers one at a time
+            if name not in self._of_part or self._of_part[name][0] is not piece:  # every term of a component asks
+                self._of_part[name] = piece, Known(sampled, [(name, v) for v in part.known])(piece)
+            function = self._function(part, sampled.values_of(name, float(piece.time[0])))
+            points = effect.Part(function, own, part.inner, part.outer, piece.time, self._of_part[name][1])
+            return effect.along(points, varied, columns, answer)
 
     def gives_derivatives(self, component: str) -> bool:
         """Whether the unit itself gives directional derivatives; else differences are taken, of an `effect` at the

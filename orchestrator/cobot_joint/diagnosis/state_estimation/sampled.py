@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -79,6 +80,7 @@ class SampledSystem:
         self.nominal = np.array([s.nominal for s in states])
         self._bounds = np.array([s.lower for s in states]), np.array([s.upper for s in states])
         self.simulation = Simulation(system)
+        self.in_use = threading.Lock()  # by one who asks its units for other values
         real = {c.name: {v.name for v in c.unit.variables.values() if v.type == "Real"} for c in system.components}
         into = [c for c in system.connections if c.sink_component and c.sink in real[c.sink_component]]
         self.taps = [_tap(system, channel) for channel in self.channels]

@@ -63,6 +63,9 @@ def look_beside(problem: Problem, listed: Selection, say: Say) -> Unmodelled | N
     of what is on no list. It leaves so much less that its freedom does not account for it; as good as what it would
     replace, where it leaves less.
 
+    One feature in place of one term is as free as that; it proves nothing wrong by leaving several times less of
+    little, and is said beside it: a cubic drag was windage, 95 % sure (167, 22).
+
     Beside all of them, what they leave has to stand out: a background is no effect. Where it does not, only ports of
     their units are asked, for something to take their place; one term whose form is somewhat off stays the right name.
     """
@@ -82,8 +85,9 @@ def look_beside(problem: Problem, listed: Selection, say: Say) -> Unmodelled | N
         return instead
     if stands_out and left > thresholds.TIMES_LESS * found.freedom * beside:
         return found
-    less = replaces and (stands_out or several) and left > found.freedom * rest
-    return replace(instead, as_good=True) if less else None
+    as_free = found.freedom == 1 and left > thresholds.TIMES_LESS * rest
+    less = left > found.freedom * rest if stands_out or several else as_free
+    return replace(instead, as_good=True) if replaces and less else None
 
 
 def _units(listed: Selection) -> set[str]:

@@ -151,6 +151,27 @@ def test_a_formula_beside_several_terms_is_held_against_the_one_that_it_makes_ne
         assert found.as_good == (answer == "as good")
 
 
+@pytest.mark.parametrize(("leaves", "features", "said"), [(2.0, 1, True), (2.5, 1, False), (2.0, 2, False)])
+def test_one_feature_that_leaves_a_third_of_little_is_said_beside_one_term(
+    leaves: float, features: int, said: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A cubic drag, of which windage leaves 0.7 %: twice the noise (rms); the formula so many fourths of that."""
+    with one_blas_thread():
+        problem, base = calibrate(campaign(OFF), Axis(), lambda words: None, Store(None))
+    ones = np.ones_like(base.residual)
+
+    def left(rms: float) -> Fit:
+        return replace(base, residual=rms * ones, chi2=rms**2 * len(ones))
+
+    finding = Finding("axis.unlisted", (), 0.9, None, {}, {}, 1e5, shape=Form("", "", (), (CUBE,) * features, 0.9))
+    formula = Unmodelled(left(leaves / 2), [], finding, 0.9)
+    monkeypatch.setattr(held_against, "look_at_ports", lambda *_: formula)
+    monkeypatch.setattr(held_against, "without_what_it_replaces", lambda problem, found: found)
+    listed = Selection([left(40.0), left(2.0)], [Selected("axis.windage", 1e6)])
+    found = look_beside(problem, listed, lambda words: None)
+    assert (found is not None and found.as_good) == said
+
+
 def test_teeth_show_at_the_recorded_angle_where_free_runs_have_lost_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """A friction that wanders moves the angle of a free run; the teeth of the machine stay where they are."""
     rng = np.random.default_rng(3)

@@ -69,9 +69,10 @@ class Outside:
 
     def finding(self, problem: Problem, calibrated: Fit, repaired: Mapping[str, Estimate]) -> Finding:
         """As a diagnosis says it. No claim where it ends as far off as it may be, and that is not enough: a brake
-        without torque stood in for a stiffness that gave way (109, 28). repaired: parameters as they were fitted.
+        without torque stood in for a stiffness that gave way (109, 28), a tenth of a gear's friction beside windage for
+        a cubic drag (167, 49). repaired: parameters as they were fitted.
         """
-        short = repaired[self.name].at and problem.stands_out(self.fit.residual)
+        short = repaired[self.name].at and problem.unexplained(self.fit.residual)
         return Finding(
             term=self.name,
             equivalent=self.alike[: thresholds.MOST_NAMES - 1],

@@ -223,9 +223,9 @@ def test_one_that_takes_half_of_what_is_slow_is_the_finding_where_something_quic
 
 
 @pytest.mark.parametrize("at", ["lower", None])
-@pytest.mark.parametrize("stands_out", [True, False])
-def test_a_parameter_that_ends_at_what_its_unit_allows_and_leaves_what_stands_out_is_no_claim(
-    at: Literal["lower"] | None, stands_out: bool, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("unexplained", [True, False])
+def test_a_parameter_that_ends_at_what_its_unit_allows_and_leaves_more_than_noise_is_no_claim(
+    at: Literal["lower"] | None, unexplained: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with one_blas_thread():
         problem, base = calibrate(
@@ -235,6 +235,6 @@ def test_a_parameter_that_ends_at_what_its_unit_allows_and_leaves_what_stands_ou
     assert free is not None
     outside = Outside(Selection([free]), base.cost - free.cost, ())
     value = Estimate(0.0, "N.m.s/rad", (0.0, 1e-4), at)
-    monkeypatch.setattr(Problem, "stands_out", lambda self, residual: stands_out)
+    monkeypatch.setattr(Problem, "unexplained", lambda self, residual: unexplained)
     finding = outside.finding(problem, base, {"axis.d": value})
-    assert (finding.confidence < thresholds.EVEN) == (at is not None and stands_out)
+    assert (finding.confidence < thresholds.EVEN) == (at is not None and unexplained)

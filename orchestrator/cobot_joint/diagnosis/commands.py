@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -308,8 +309,13 @@ class _Lines:
     def __init__(self, begun: float) -> None:
         self.begun, self.stage, self.last = begun, "", -self.PAUSE
         self.first: str | None = None
+        self.one_at_a_time = threading.Lock()
 
     def __call__(self, words: str) -> None:
+        with self.one_at_a_time:
+            self._say(words)
+
+    def _say(self, words: str) -> None:
         now, stage = time.monotonic() - self.begun, words.split(": ")[0]
         if stage == self.stage and now - self.last < self.PAUSE:
             return

@@ -1,4 +1,4 @@
-"""One call per recording, on every core."""
+"""Calls beside each other, on every core: one per recording, or one per term."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ from cobot_joint.diagnosis.state_estimation.native.kalman import respond
 from cobot_joint.system.model import Value
 
 Array = NDArray[np.float64]
-TOGETHER = 8  # combinations of shapes in one pass: of 4, 8, 16 and 32 the quickest
+TOGETHER = 8  # combinations of shapes in one pass: of 2, 4, 8 and 16 the quickest
 SEEN = 1e-6  # of a column's square: less beside the others is none of its own
 ROUNDS = 4  # of estimating the latent forces' sizes again
 

@@ -184,7 +184,7 @@ def _with_formula(problem: Problem, calibrated: Fit, outside: Outside, say: Prog
 
 def _beside_claimed(problem: Problem, found: Explanation, select: Select, say: Progress) -> Explanation | None:
     """Where the recorded motion claims nothing but one parameter outside its tolerance, that one in free runs, which
-    may show listed terms or a formula beside it (53, 23; 163, 27). None: they take less than half with it."""
+    may show listed terms or a formula beside it (machines 53/23, 163/27). None: they take less than half with it."""
     search, calibrated = found.anchored, found.calibrated
     if search is None or not search.claims or found.selected or len(search.named) != 1:
         return None

@@ -48,7 +48,7 @@ def felt(problem: Problem, base: Fit, listed: Fit, search: Search) -> Search:
     with the listed terms.
 
     The recorded motion shows a wave of a tenth of a milli-newton-metre over a motor's angle, and every drawn background
-    has one (151, 1; 151, 19; 127, 5 took 0.03 and less of what was left, concealed effects 0.16 and more).
+    has one (machines 151/1, 151/19, 127/5 took 0.03 and less of what was left, concealed effects 0.16 and more).
     """
     values = {name: estimate.value for name, estimate in search.repaired.items()}
     own = [{n: values.get(n, x) for n, x in named.candidate.values.items()} for named in search.named]

@@ -159,7 +159,7 @@ class Searcher:
 
     def _best(self, found: Search, at: Beside, likely: Sequence[Named]) -> tuple[Search, Beside] | None:
         """With the first that makes the recordings more likely, or the next, where it comes near in what is linear and
-        makes them more likely still: of a torque ripple and a cogging of one order the wrong one led (137, 10)."""
+        makes them more likely: of a torque ripple and a cogging of one order the wrong one led (machine 137/10)."""
         first, after = None, False
         for named in likely:
             if first is not None and not self._comes_near(named, first[0].named[-1]):

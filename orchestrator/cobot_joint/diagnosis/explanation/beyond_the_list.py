@@ -161,7 +161,7 @@ class BeyondTheList:
 
     def _outdoes_claimed(self, formula: Unmodelled | None, found: Search | None) -> bool:
         """Whether a formula leaves so much less than all that the motion claims, fitted to free runs; these have the
-        angle where that takes half. A wave that turns with the direction is no cogging (163, 88)."""
+        angle where that takes half. A wave that turns with the direction is no cogging (machine 163/88)."""
         both = self._claimed_freely(found) if formula and found else None
         if formula is None or both is None:
             return False

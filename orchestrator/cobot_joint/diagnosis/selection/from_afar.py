@@ -23,7 +23,7 @@ SIZES = tuple(2.0**k for k in range(-2, 6))  # times that whose response, in pro
 OF_ITS_END = tuple(2.0**k for k in range(1, 8))  # parts of a bound, where most of these lie beyond it
 FITTED = 2  # of the leading terms
 NEAR = tuple(k / 32 for k in range(-16, 17))  # segments of a run, by which another term's onset may be off: where what
-# sets in leads to ringing, the slow part's valley is 0.03 s wide (163, 53)
+# sets in leads to ringing, the slow part's valley is 0.03 s wide (machine 163/53)
 
 
 def look_from_afar(

@@ -69,8 +69,8 @@ class Outside:
 
     def finding(self, problem: Problem, calibrated: Fit, repaired: Mapping[str, Estimate]) -> Finding:
         """As a diagnosis says it. No claim where it ends as far off as it may be, and that is not enough: a brake
-        without torque stood in for a stiffness that gave way (109, 28), a tenth of a gear's friction beside windage for
-        a cubic drag (167, 49). repaired: parameters as they were fitted.
+        without torque stood in for a stiffness that gave way (machine 109/28), a tenth of a gear's friction beside
+        windage for a cubic drag (machine 167/49). repaired: parameters as they were fitted.
         """
         short = repaired[self.name].at and problem.unexplained(self.fit.residual)
         return Finding(
@@ -137,7 +137,7 @@ def let_go(
 
 def in_place_of(problem: Problem, calibrated: Fit, formula: Unmodelled, say: Say) -> Outside | None:
     """The parameter that does as well as a formula beside listed terms, which does not outdo it: a voltage that goes as
-    the current is a resistance (127, 12). None: there are no such terms, or no such parameter."""
+    the current is a resistance (machine 127/12). None: there are no such terms, or no such parameter."""
     rest = without(problem, formula.fit, lambda effect: isinstance(effect, PortSignal)) if formula.selected else None
     least = thresholds.HOLDS * (rest.chi2 - problem.samples) if rest is not None else 0.0
     best = leaves_least(problem, rest, least) if rest is not None else None
@@ -173,7 +173,7 @@ def _beside(
 
 def _takes_what_is_slow(problem: Problem, calibrated: Fit, explained: Fit, best: Fit) -> bool:
     """Whether it takes half of a slow part that stands out, and no less of it than `explained`: impacts, out of step
-    with a gap that grew, are the larger part of chi-square, and no parameter's (163, 42)."""
+    with a gap that grew, are the larger part of chi-square, and no parameter's (machine 163/42)."""
     slow, other, left = (problem.excess(each.residual) for each in (calibrated, explained, best))
     much = slow > thresholds.LEFT_SIGMA**2 * problem.samples
     return much and left < (1 - thresholds.HOLDS) * slow and left <= other
@@ -181,7 +181,7 @@ def _takes_what_is_slow(problem: Problem, calibrated: Fit, explained: Fit, best:
 
 def _needless(problem: Problem, calibrated: Fit, alone: Fit, more: Selection) -> Selection | None:
     """The listed terms beside a parameter, without it, where it leaves far more without them, and they no more without
-    it: it stood in for them while they were found (151, 10). None: it is needed."""
+    it: it stood in for them while they were found (machine 151/10). None: it is needed."""
     if not more.selected or not _leaves_less(problem, more.fit, alone):
         return None
     inside = held(problem, more.fit)

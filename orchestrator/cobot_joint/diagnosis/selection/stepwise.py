@@ -86,8 +86,8 @@ class Selector:
 
     def _one_instead(self, so_far: Selection) -> Selection | None:
         """One term, seen from afar, that leaves less than several which leave what stands out, or than one that takes
-        too little to stand alone: a gear that gives way was a brake that fades, a load, and a sensor's gain (157, 18),
-        a belt that creeps late a brake that fades (163, 53)."""
+        too little to stand alone: a gear that gives way was a brake that fades, a load, and a sensor's gain (machine
+        157/18), a belt that creeps late a brake that fades (machine 163/53)."""
         base, best = so_far.history[0], so_far.fit
         if not so_far.selected or self.given or not self.problem.stands_out(best.residual):
             return None

@@ -86,7 +86,7 @@ def test_a_repair_is_the_fit_that_leaves_less_of_free_runs(
 def test_a_name_that_free_runs_hardly_feel_is_no_claim(
     moves: float | None, without: float, named: float, listed: float, shows: bool
 ) -> None:
-    """A wave of 0.08 mN.m over a motor's angle, of the background, was cogging, 74 and 86 % sure (151, 1; 127, 5)."""
+    """A background's wave of 0.08 mN.m over a motor's angle was cogging, 74 and 86 % sure (machines 151/1, 127/5)."""
     base: Any = SimpleNamespace(chi2=without, run=Run({"axis.d": 1.0}), simulated=SimpleNamespace(white=np.zeros(2)))
     terms: Any = SimpleNamespace(chi2=listed)
 

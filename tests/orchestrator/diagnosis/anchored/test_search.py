@@ -106,7 +106,7 @@ def test_of_two_terms_that_come_near_in_what_is_linear_that_is_named_which_adds_
     share: float,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """A cogging of order 5 along a motion of nearly one current was a torque ripple, 97 % sure (137, 10)"""
+    """A cogging of order 5 along a motion of nearly one current was a torque ripple, 97 % sure (machine 137/10)"""
     worth = dict(zip(("ripple", "cogging"), in_all, strict=True))
     open_now: list[Any] = []  # a tracker closes what was followed two calls earlier; a term is followed twice
 

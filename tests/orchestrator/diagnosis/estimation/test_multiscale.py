@@ -91,7 +91,7 @@ def test_a_recording_of_some_windows_only_is_left_as_it_is() -> None:
 
 @pytest.mark.parametrize(("samples", "windows"), [(639, []), (640, [32, 8]), (3000, [128, 32]), (40000, [256, 64])])
 def test_windows_are_as_wide_as_a_recording_allows(samples: int, windows: list[int]) -> None:
-    """From 128 on, a brake that lets go late was found from one start of five, from 256 on from all (31, 44)."""
+    """From 128 on, a brake that lets go late was found from one start of five, from 256 on from all (machine 31/44)."""
     assert [slow.window for slow in scales(stop(0.005, samples))] == windows
 
 

@@ -93,7 +93,7 @@ def test_a_claim_along_the_recorded_motion_is_not_held_against_a_data_sheet(
 def test_a_parameter_that_the_motion_claims_is_let_go_of_in_free_runs_which_may_show_what_is_beside_it(
     name: str, takes: float, named: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A brake's hysteresis, eleven times the background, was missed beside a rotor's inertia (53, 23)."""
+    """A brake's hysteresis, eleven times the background, was missed beside a rotor's inertia (machine 53/23)."""
     search = Search(named=[cast(Named, SimpleNamespace(name=name, alike=(), shows=True))])
     search.repaired = {name: Estimate(1.0, "1", (1.0, 1.0))}
 
@@ -148,7 +148,7 @@ def test_a_formula_over_an_angle_gives_way_to_what_the_recorded_motion_claims(
 def test_a_formula_over_an_angle_that_leaves_so_much_less_than_what_the_motion_claims_is_the_answer(
     outdone: bool, left: float, named: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A wave that turned with the direction, 13 times the background, was cogging, 97 % sure (163, 88)."""
+    """A wave that turned with the direction, 13 times the background, was cogging, 97 % sure (machine 163/88)."""
     feature = Feature(Product((Factor("x", "sin"),)), Estimate(1.0, "N.m", (0.9, 1.1)))
     finding = Finding(FORMULA, (), 0.9, None, {}, {}, 1e3, shape=Form("axis.tau_add", "N.m", (), (feature,), 0.9))
     claimed: list[Fit] = []
@@ -250,7 +250,7 @@ def test_a_form_found_together_with_a_term_is_the_answer_but_over_an_angle_where
 def test_a_form_over_an_angle_that_leaves_what_stands_out_has_a_term_beside_it_where_the_motion_claims_nothing(
     claimed: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Beside a motor's rough places, 16 times the background, a sensor's ripple of 19 times was missed (127, 7)."""
+    """Beside a motor's rough places, 16 times the background, a sensor's ripple was missed (machine 127/7)."""
     feature = Feature(Product((Factor("x", "sin"),)), Estimate(1.0, "N.m", (0.9, 1.1)))
     finding = Finding(FORMULA, (), 0.9, None, {}, {}, 1e3, shape=Form("axis.tau_add", "N.m", (), (feature,), 0.9))
 
@@ -288,7 +288,7 @@ def test_a_term_and_a_form_are_not_looked_for_together_where(why: str, monkeypat
 def test_beside_what_the_motion_names_a_formula_is_looked_for_where_free_runs_with_it_leave_what_stands_out(
     names: list[str], stands_out: bool, both: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Rough places of a motor beside a sensor's ripple (127, 7), 16 and 19 times the background, were missed."""
+    """Rough places of a motor beside a sensor's ripple (machine 127/7), 16 and 19 times the background, were missed."""
     claimed = Selected("axis.windage", 1e4)
     feature = Feature(Product((Factor("x", "u3"),)), Estimate(1.0, "N.m", (0.9, 1.1)))
     finding = Finding(FORMULA, (), 0.9, None, {}, {}, 1e3, shape=Form("axis.tau_add", "N.m", (), (feature,), 0.9))

@@ -54,14 +54,14 @@ def test_a_term_that_helps_at_no_size_is_simulated_and_not_fitted() -> None:
 
 
 def test_where_a_term_is_larger_than_its_bounds_before_it_shows_parts_of_its_bounds_are_tried() -> None:
-    """A gear that gives way, 11 times the background, has -0.6e6; its sensitivity asked for -12e6 (157, 18)."""
+    """A gear that gives way, 11 times the background, has -0.6e6; its sensitivity asked for -12e6 (machine 157/18)."""
     problem, best, column = beside_the_base_model(TRUE)
     faint = replace(column, vectors=(1e-6 * column.vectors[0],))
     assert look_from_afar(problem, best, [faint])["stop.late"].run.values[LATE.name] == pytest.approx(TRUE, abs=1e-4)
 
 
 def test_parts_of_the_bound_on_one_side_are_tried_where_the_other_is_far() -> None:
-    """Its stiffness may be 1e9 more and 1e7 less; of 105 times the background it had -0.17e6 (163, 21)."""
+    """Its stiffness may be 1e9 more and 1e7 less; of 105 times the background it had -0.17e6 (machine 163/21)."""
     problem, best, column = beside_the_base_model(TRUE)
     one_sided = replace(column, term=replace(TERM, lower=-1e9), vectors=(1e-6 * column.vectors[0],))
     found = look_from_afar(problem, best, [one_sided])
@@ -69,7 +69,7 @@ def test_parts_of_the_bound_on_one_side_are_tried_where_the_other_is_far() -> No
 
 
 def test_of_onsets_near_one_that_another_term_has_the_best_is_taken() -> None:
-    """A belt that creeps from 4.141 s on; a brake that fades from 4.089 s on had been fitted (163, 53)."""
+    """A belt that creeps from 4.141 s on; a brake that fades from 4.089 s on had been fitted (machine 163/53)."""
     problem, _ = refitted(campaign({"axis.windage.c": 2e-4}, onsets={"axis.windage.c": 2.6}))
     bounds = {name: (value, value * (1 + 1e-9)) for name, value in NOMINAL.items()}  # all else is known
     known = fit(problem, Hypothesis(tolerances(problem, bounds)))

@@ -38,7 +38,7 @@ from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, Axis, Driven, camp
 
 
 def test_beside_it_a_form_on_no_list_is_told_from_the_term_that_patches_both() -> None:
-    """A brake's torque and a drag beside it (109, 4) had an asymmetric friction, and the brake's torque 6 % off."""
+    """A brake's torque and a drag beside it (machine 109/4) had an asymmetric friction, the brake's torque 6 % off."""
     found = diagnose_plant(weak_drive(eddy_currents=0.05), Driven())
     assert {f.term for f in found.findings} == {"drive.k", "axis.unlisted"}
     assert found.repaired["drive.k"].value == pytest.approx(0.7 * NOMINAL["axis.k"], rel=0.02)
@@ -74,7 +74,7 @@ def test_a_term_whose_re_fit_ends_at_a_bound_keeps_its_name_where_no_parameter_e
 
 
 def test_beside_listed_terms_it_makes_needless_what_stood_in_for_it_and_held_again_it_leaves_more() -> None:
-    """A winding's resistance beside load friction (127, 12) was a dead time, 74 % sure."""
+    """A winding's resistance beside load friction (machine 127/12) was a dead time, 74 % sure."""
     case, plant = weak_drive(windage=2e-4), Driven()
     with one_blas_thread():
         problem, base = calibrate(case, plant, lambda words: None, Store(None))
@@ -99,7 +99,7 @@ def test_beside_listed_terms_it_makes_needless_what_stood_in_for_it_and_held_aga
 
 @pytest.mark.parametrize("k", [0.7, 1.0], ids=["a data sheet", "eddy currents"])
 def test_a_formula_beside_a_listed_term_that_a_parameter_leaves_no_more_than_is_that_parameter(k: float) -> None:
-    """A voltage of 0.134 ohm times the current, beside load friction, was on no list (127, 12)."""
+    """A voltage of 0.134 ohm times the current, beside load friction, was on no list (machine 127/12)."""
     case, plant = weak_drive(windage=2e-4, k=k, eddy_currents=0.0 if k < 1 else 0.3), Driven()
     with one_blas_thread():
         problem, base = calibrate(case, plant, lambda words: None, Store(None))
@@ -132,7 +132,7 @@ def with_windage(problem: Problem, fit: Fit) -> Selection:
 def test_beside_it_a_form_that_leaves_less_per_feature_takes_the_place_of_several_terms(
     rest: float, instead: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A motor's drag beside a brake's torque constant was friction that warms up, and an asymmetry (163, 27)."""
+    """A motor's drag beside a brake's torque constant was friction that warms up, and an asymmetry (machine 163/27)."""
     with one_blas_thread():
         problem, base = calibrate(weak_drive(), Driven(), lambda words: None, Store(None))
         free = leaves_least(problem, base, 0.0)
@@ -152,7 +152,7 @@ def test_beside_it_a_form_that_leaves_less_per_feature_takes_the_place_of_severa
 
 @pytest.mark.parametrize("needed", [False, True])
 def test_one_that_stood_in_for_listed_terms_goes_again_once_these_are_found_beside_it(needed: bool) -> None:
-    """A supply that sags was answered with a winding's resistance outside its tolerance, 95 %, beside it (151, 10)."""
+    """A supply that sags was answered with a winding's resistance out of tolerance beside it (machine 151/10)."""
     truth = {"axis.windage.c": 2e-4, "axis.d": (0.4 if needed else 1.0) * NOMINAL["axis.d"]}
     case = campaign(truth)
     with one_blas_thread():
@@ -175,7 +175,7 @@ def test_one_that_stood_in_for_listed_terms_goes_again_once_these_are_found_besi
 def test_a_parameter_that_is_let_go_of_from_a_value_on_has_what_is_found_beside_it(
     name: str, times: float, takes: bool
 ) -> None:
-    """Beside a brake's torque constant, which the motion claimed, a motor's drag was missed (163, 27)."""
+    """Beside a brake's torque constant, which the motion claimed, a motor's drag was missed (machine 163/27)."""
     with one_blas_thread():
         truth = {"axis.d": times * NOMINAL["axis.d"], "axis.windage.c": 2e-4 if takes else 0.0}
         problem, base = calibrate(campaign(truth), Axis(), lambda words: None, Store(None))
@@ -199,7 +199,7 @@ def test_one_that_is_let_go_of_and_not_needed_beside_what_is_found_goes_again() 
 
 @pytest.mark.parametrize("quick", [0.0, 2.2])
 def test_one_that_takes_half_of_what_is_slow_is_the_finding_where_something_quick_is_larger(quick: float) -> None:
-    """A brake's saturation current, 12 times the background, beside impacts in a gap that grew (163, 42)."""
+    """A brake's saturation current, 12 times the background, beside impacts in a gap that grew (machine 163/42)."""
     case = campaign({"axis.d": 0.4 * NOMINAL["axis.d"]})
     for recording in case.recordings:
         size = quick * float(np.std(recording.outputs["w"] - Axis().simulate({}, recording)["w"]))

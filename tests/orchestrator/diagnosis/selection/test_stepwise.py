@@ -167,7 +167,7 @@ def test_of_what_stands_out_it_is_enough_that_a_further_term_does_well_as_it_is(
 def test_one_term_that_leaves_less_takes_the_place_of_what_leaves_what_stands_out(
     stands_out: bool, before: list[str], instead: list[str] | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A gear that gives way was a brake that fades, a load, and a sensor's gain (157, 18)."""
+    """A gear that gives way was a brake that fades, a load, and a sensor's gain (machine 157/18)."""
     problem, base = refitted(campaign(TRUE))
     values = {ASYMMETRY: {ASYMMETRY.amplitude: 1e-5}, WINDAGE: {WINDAGE.amplitude: 1e-5}, COGGING: TRUE}
     alone = {t.name: fit_added(problem, base, [ActiveTerm(t, v)], Precision()) for t, v in values.items()}
@@ -192,7 +192,7 @@ def test_one_term_that_leaves_less_takes_the_place_of_what_leaves_what_stands_ou
 def test_terms_are_seen_from_afar_from_the_start_and_from_the_onset_of_what_they_may_replace(
     onsets: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A gear that gives way from 4.9 s on was a brake that fades from 4.4 s on, and a load (163, 21)."""
+    """A gear that gives way from 4.9 s on was a brake that fades from 4.4 s on, and a load (machine 163/21)."""
     problem, base = refitted(campaign(TRUE))
     late = fit_added(problem, base, [ActiveTerm(WINDAGE, {WINDAGE.amplitude: 1e-5}, 2.6)], Precision())
     assert late is not None

@@ -64,7 +64,7 @@ def look_beside(problem: Problem, listed: Selection, say: Say) -> Unmodelled | N
     replace, where it leaves less.
 
     One feature in place of one term is as free as that; it proves nothing wrong by leaving several times less of
-    little, and is said beside it: a cubic drag was windage, 95 % sure (167, 22).
+    little, and is said beside it: a cubic drag was windage, 95 % sure (machine 167/22).
 
     Beside all of them, what they leave has to stand out: a background is no effect. Where it does not, only ports of
     their units are asked, for something to take their place; one term whose form is somewhat off stays the right name.

@@ -77,7 +77,7 @@ def test_an_offset_beside_a_drag_on_no_list_is_found_where_listed_terms_alone_le
 
 @pytest.mark.parametrize("table", [False, True])
 def test_a_term_beside_a_formula_or_a_table_is_as_sure_as_what_both_leave_says(both: Chosen, table: bool) -> None:
-    """Belt creep beside a drag on no list (83, 41) had 0.42, by what listed terms leave without the drag."""
+    """Belt creep beside a drag on no list (machine 83/41) had 0.42, by what listed terms leave without the drag."""
     problem, listed, pair = both
     shape = pair.finding.shape
     assert shape is not None
@@ -98,7 +98,7 @@ def test_no_pair_replaces_a_form_that_does_a_third_as_well_alone() -> None:
 
 
 def test_a_parameter_outside_its_tolerance_and_a_drag_on_no_list_are_chosen_together() -> None:
-    """A rotor's inertia and a brake's rough places (127, 9), 8 times the background: the latter were missed."""
+    """A rotor's inertia and a brake's rough places (machine 127/9), 8 times the background: the latter were missed."""
     case, plant = weak_drive(eddy_currents=0.05), Driven()
     with one_blas_thread():
         problem, base = calibrate(case, plant, lambda words: None, Store(None))

@@ -75,7 +75,7 @@ def test_a_listed_term_whose_form_is_somewhat_off_stays_the_finding(name: str, e
 def test_where_forms_fall_short_of_what_stands_out_a_table_over_the_speed_is_tried(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Of a resonance, ten times the background, the first forms were predicted to take too little (73, 7)."""
+    """Of a resonance, ten times the background, the first forms were predicted to take too little (machine 73/7)."""
     case = concealed(lambda w, phi: -0.1 * sgn(w) * np.exp(-(((np.abs(w) - 20) / 15) ** 2)))
     problem, calibrated = calibrate(case, Axis(), lambda words: None, Store(None))
     monkeypatch.setattr(unmodelled, "pointed_to", lambda problem, start, least, units: [])
@@ -114,7 +114,7 @@ def test_a_formula_that_leaves_less_than_what_it_does_not_outdo_is_said_beside_i
 def test_a_table_is_likely_that_leaves_a_ninth_of_what_stands_out_or_hardly_anything(
     taken: float, stood_out: bool, likely: bool
 ) -> None:
-    """Of a drag 4.6 times the background, beside an inertia outside its tolerance, a table took 94.7 % (127, 5)."""
+    """Of a drag 4.6 times the background, beside an inertia out of tolerance, a table took 94.7 % (machine 127/5)."""
     table = Form("axis.tau_add", "N.m", ("axis.w",), (), taken, signal="w", table=(np.zeros(2), np.zeros(2)))
     finding = Finding("axis.unlisted", (), 0.9, None, {}, {}, 1.0, shape=table)
     nothing: Any = None

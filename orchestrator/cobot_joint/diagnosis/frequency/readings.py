@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -23,7 +24,7 @@ from cobot_joint.diagnosis.selection.confidence import confidence
 from cobot_joint.diagnosis.store import Store
 
 BAND = 0.8  # of what a finding takes, that its band holds
-FITTED = 2  # candidates of the best score that are fitted
+FITTED = 2  # kinds of terms of the best score that are fitted, in every unit that has them
 Progress = Callable[[str], None]
 
 
@@ -51,6 +52,7 @@ def diagnose_response(
 
 
 def _diagnosed(response: Response, store: Store, say: Progress) -> tuple[Diagnosis, list[Reading]]:
+    since = time.monotonic()
     given = response.given.alternative or [Alternative(name="as described")]
     say(f"re-fitting the base model under {len(given)} readings")
     bases = [store.remember("calibrated", a.model_dump(), partial(calibrate, response, a)) for a in given]
@@ -61,7 +63,7 @@ def _diagnosed(response: Response, store: Store, say: Progress) -> tuple[Diagnos
     )
     only = response.given.terms
     worth = [c for c in ranking if c.gain > 2 * np.log(len(ranking)) and (not only or c.term in only)]
-    candidates = worth[:FITTED]  # of a shaft's indistinguishable terms, the one that the campaign allows
+    candidates = leaders(worth)
     terms = [candidate.term for candidate in candidates]
     rough = []
     for alternative, (_, base) in zip(given, bases, strict=True):
@@ -79,7 +81,15 @@ def _diagnosed(response: Response, store: Store, say: Progress) -> tuple[Diagnos
     best = min(readings, key=lambda r: r.repaired.chi2)
     diagnosis = _diagnosis(response, best, readings)
     diagnosis.crashes = list(dict.fromkeys(response.crashes))
+    diagnosis.seconds = time.monotonic() - since
     return diagnosis, readings
+
+
+def leaders(ranked: Sequence[Candidate]) -> list[Candidate]:
+    """Those of the best kinds. On one shaft the motor's and the gearhead's friction score the same, and a place among
+    the best is worth more to other physics."""
+    kinds = list(dict.fromkeys(c.term.split(".")[-1] for c in ranked))[:FITTED]
+    return [c for c in ranked if c.term.split(".")[-1] in kinds]
 
 
 def choose(base: Fit, fits: Mapping[str, Fit], looked: int) -> tuple[Fit, tuple[str, ...]]:

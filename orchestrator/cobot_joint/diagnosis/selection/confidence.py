@@ -7,9 +7,12 @@ import math
 # of the logarithm of the odds, per feature below
 INTERCEPT = 2.94
 COEFFICIENTS = (-3.25, -1.17, -0.73)
-# beside a background: intercept, and per decade of what is left; even odds at three quarters taken, by hand: of eleven
-# drawn machines what was concealed took 0.8 and more (with an angle lost, 0.36), nothing else more than 0.56
-BESIDE = (-3.0, 5.0)
+# Beside a background: decades of 1/(1 - taken) at which odds are even, and logits per decade beyond and short of them.
+# Even at three quarters, by hand: of eleven drawn machines what was concealed took 0.8 and more (with an angle lost,
+# 0.36), nothing else more than 0.56. Beyond: with five per decade, too, 0.5 to 0.9 was said of findings of which nearly
+# all were true (docs/state-estimation.md counts them). What no list has follows a background more easily.
+EVEN_AT, EVEN_AT_UNLISTED = 0.6, 0.746
+BEYOND, SHORT = 12.0, 5.0
 LEAST_LEFT, MOST = 1e-3, 0.95
 LEFT = 500.0  # chi-square of slow structure from which on something is left
 # (from, below), findings, true ones among them: counted on 500 drawn campaigns (docs/diagnosis-calibration.md)
@@ -75,10 +78,10 @@ def confidence(gain: float, left: float, unlisted: bool = False) -> float:
 def beside_background(taken: float, unlisted: bool = False) -> float:
     """0..1, where no model fits to the noise: by the share that the term took of what was above it.
 
-    A background is not a listed term's to take; an effect of three times its size is nine tenths of the whole. What no
-    list has follows a background more easily.
+    A background is not a listed term's to take; an effect of three times its size is nine tenths of the whole.
     """
-    score = BESIDE[0] + BESIDE[1] * math.log10(1 / max(1 - taken, LEAST_LEFT)) + COEFFICIENTS[2] * unlisted
+    beyond = math.log10(1 / max(1 - taken, LEAST_LEFT)) - (EVEN_AT_UNLISTED if unlisted else EVEN_AT)
+    score = beyond * (BEYOND if beyond > 0 else SHORT)
     return round(min(1 / (1 + math.exp(-score)), MOST), 3)
 
 

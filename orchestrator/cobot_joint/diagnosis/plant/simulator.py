@@ -14,6 +14,8 @@ from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import Inputs, System, Value
 
+Signals = Mapping[str, NDArray[np.float64]]
+
 
 def run_beside(
     simulation: Simulation,
@@ -21,15 +23,15 @@ def run_beside(
     values: Mapping[str, Value],
     *,
     onsets: Mapping[str, float] | None = None,
-    added: Mapping[str, NDArray[np.float64]] | None = None,
+    added: Signals | None = None,
     record: Sequence[str],
     scheme: Scheme | None = None,
 ) -> dict[str, NDArray[np.float64]]:
     """`record` at the recording's time, each (n,), by a scheme, or coupled as the system says, else by the default one.
 
     values: `component.variable` -> value over the system's own. onsets: of these, s since the recording's first sample
-    from which they hold. added: further inputs, (n,) each. UserError: a name or value is wrong. SimulationError (of
-    cosim): a unit fails.
+    from which they hold. added: (n,) each, on top of what the recording has there. UserError: a name or value is wrong.
+    SimulationError (of cosim): a unit fails.
     """
     onsets = onsets or {}
     time = recording.time - recording.time[0]  # what fades or warms up does so from the run's beginning
@@ -38,7 +40,7 @@ def run_beside(
     start |= {_variable(simulation.system, name): value for name, value in recording.initial.items()}
     result = simulation.run(
         Experiment(
-            Inputs(time, {**recording.inputs, **(added or {})}),
+            Inputs(time, summed(recording.inputs, added or {})),
             float(time[-1]),
             output_step=recording.step,
             parameters=start,
@@ -50,6 +52,11 @@ def run_beside(
     if len(result.time) < len(time):
         raise SimulationError(f"{simulation.system.name} ends at {result.time[-1]:.6g} s of {time[-1]:.6g} s")
     return dict(result.signals)
+
+
+def summed(inputs: Signals, added: Signals) -> dict[str, NDArray[np.float64]]:
+    """Inputs and what enters beside them: a torque that was recorded may enter where one is looked for."""
+    return {**inputs, **{name: x + inputs[name] if name in inputs else x for name, x in added.items()}}
 
 
 class Simulator:
@@ -80,7 +87,7 @@ class Simulator:
             simulation.close()
         self._loaded.clear()
 
-    def __call__(self, recording: Recording) -> Mapping[str, NDArray[np.float64]]:
+    def __call__(self, recording: Recording) -> Signals:
         """Outputs at the recording's time. UserError: a connector or parameter is wrong.
 
         SimulationError: a unit fails.

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from cobot_joint.cosim import Experiment, Simulation
 from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.plant.simulator import summed
 from cobot_joint.diagnosis.state_estimation.native.restart import Restarts, restarts
 from cobot_joint.diagnosis.state_estimation.states import states_of, why_none
 from cobot_joint.errors import UserError
@@ -124,12 +125,12 @@ class SampledSystem:
     def along(self, time: Array, inputs: Mapping[str, Array], ports: Sequence[str] = ()) -> Iterator[Runs]:
         """Runs along a recording. time: (n,), regular; ports: further inputs, 0 unless said."""
         if not restarts(self.simulation):
-            yield Runs(self, time, inputs, ())
+            yield Runs(self, time, inputs, {})
             return
-        both = {**inputs, **{port: np.zeros(len(time)) for port in ports}}
+        both = {**{port: np.zeros(len(time)) for port in ports}, **inputs}
         experiment = self._experiment(self.start({}), time, both)
         with Restarts(self.simulation, experiment, [s.name for s in self.states]) as quick:
-            yield Runs(self, time, inputs, tuple(ports), quick)
+            yield Runs(self, time, inputs, {port: list(both).index(port) for port in ports}, quick)
 
     def _experiment(self, x: Array, time: Array, inputs: Mapping[str, Array]) -> Experiment:
         step = float(time[-1] - time[0]) / (len(time) - 1)
@@ -195,20 +196,21 @@ class SampledSystem:
 
 @dataclass(frozen=True)
 class Runs:
-    """Along a recording, from any of its samples. quick: without a call per unit, where these units allow it."""
+    """Along a recording, from any of its samples. ports: further inputs -> their rows of `quick`, which runs without a
+    call per unit, where these units allow it."""
 
     sampled: SampledSystem
     time: Array
     inputs: Mapping[str, Array]
-    ports: tuple[str, ...]
+    ports: Mapping[str, int]
     quick: Restarts | None = None
 
     def run(self, x: Array, rows: slice, entering: Mapping[str, Array] | None = None) -> Piece:
         """From the states x at the first of the samples on, with signals at ports. SimulationError: a unit fails."""
-        inputs = {name: u[rows] for name, u in self.inputs.items()} | dict(entering or {})
+        inputs = summed({name: u[rows] for name, u in self.inputs.items()}, entering or {})
         if self.quick is None:
             return self.sampled.run(x, self.time[rows], inputs)
-        for k, port in enumerate(self.ports, len(self.inputs)):
+        for port, k in self.ports.items():
             self.quick.samples[k, rows] = inputs.get(port, 0.0)
         table = self.quick.run(self.sampled.inside(x), rows.start, rows.stop - rows.start, bool(entering))
         return self.sampled.piece(self.time[rows], table, inputs)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cobot_joint.diagnosis.data.recording import Recording
-from cobot_joint.diagnosis.plant.simulator import Simulator
+from cobot_joint.diagnosis.plant.simulator import Simulator, summed
 from cobot_joint.system.read import load_system
 
 LATE = {"motor_bldc.cogging.A": 3e-3, "motor_bldc.viscous_warmup.fade": 0.5}
@@ -27,3 +27,12 @@ def test_a_run_is_the_same_whatever_its_clock_begins_with() -> None:
     here, there = spun(0.0), spun(1000.0)
     for name in here:
         assert there[name] == pytest.approx(here[name], abs=1e-5), name
+
+
+def test_what_is_added_at_a_recorded_input_does_not_replace_it() -> None:
+    """A formula at `load.tau_add` was tried without the torque that was recorded there."""
+    recorded, more = {"load.tau_add": np.array([1.0, 2.0]), "u": np.ones(2)}, {"load.tau_add": np.array([0.5, 0.5])}
+    found = summed(recorded, {**more, "load.y_add": np.zeros(2)})
+    assert {name: list(x) for name, x in found.items()} == {
+        "load.tau_add": [1.5, 2.5], "u": [1.0, 1.0], "load.y_add": [0.0, 0.0]
+    }  # fmt: skip

@@ -41,6 +41,20 @@ def test_a_run_along_a_recording_is_that_run_on_its_own() -> None:
                     np.testing.assert_allclose(found.table / (size + 1e-12), expected.table / (size + 1e-12), atol=1e-9)
 
 
+def test_what_enters_where_a_recorded_torque_does_comes_on_top_of_it() -> None:
+    """An axis with its torque at `load.tau_add` ended with an IndexError."""
+    time, port = clock(0.5), "motor_bldc.tau_add"
+    given, more = {**inputs(time), port: 2e-3 * np.sin(9 * time)}, np.full(len(time), 1e-3)
+    with SampledSystem(bench()[0], list(SIGMA)) as sampled:
+        x, every = sampled.start({}), slice(0, len(time))
+        both = sampled.run(x, time, {**given, port: given[port] + more}).y
+        as_recorded = sampled.run(x, time, given).y
+        assert np.abs(both - as_recorded).max() > 1e-3
+        with sampled.along(time, given, [port]) as runs:
+            np.testing.assert_allclose(runs.run(x, every, {port: more}).y, both, atol=1e-6)
+            np.testing.assert_allclose(runs.run(x, every).y, as_recorded, atol=1e-6)
+
+
 def test_a_unit_that_fails_along_a_recording_says_so() -> None:
     time = clock(0.2)
     with SampledSystem(bench()[0], list(SIGMA)) as sampled, sampled.along(time, inputs(time)) as runs:

@@ -5,7 +5,7 @@ Held-out runs decide where there are some; fitted runs only say that a repair wh
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 from cobot_joint.diagnosis import thresholds
@@ -14,15 +14,16 @@ Channels = Mapping[str, Mapping[str, Any]]  # as diagnosis.json has them
 VARIANTS = ("nominal", "calibrated", "repaired")
 
 
-def above_noise(channels: Channels, role: str) -> dict[str, float] | None:
+def above_noise(channels: Channels, role: str, free: bool = False) -> dict[str, float] | None:
     """Variant -> squared error above noise, in units of it, over all channels; None: no such runs.
 
     Of anchored predictions (`predicted`), where every channel has these: a free run loses angles, whatever the model.
+    free: of free runs all the same.
     """
     there = [(c["noise"], c[role]) for c in channels.values() if role in c and c["noise"]]
     if not there:
         return None
-    if all(figures.get("predicted") for _, figures in there):
+    if not free and all(figures.get("predicted") for _, figures in there):
         there = [(noise, figures["predicted"]) for noise, figures in there]
     if any(figures[v] is None for _, figures in there for v in VARIANTS):
         return None
@@ -35,21 +36,27 @@ def judged(channels: Channels) -> Literal["offered", "withheld"]:
 
 
 def fails(channels: Channels) -> Literal["holdout", "train"] | None:
-    """The runs in which the repair is worse; None: in neither."""
+    """The runs in which the repair is worse, or no better; None: in neither."""
     roles: dict[Literal["holdout", "train"], tuple[str, ...]]
     roles = {"holdout": ("nominal", "calibrated"), "train": ("calibrated",)}
     for role, others in roles.items():
-        error = above_noise(channels, role)
+        error, free = above_noise(channels, role), above_noise(channels, role, free=True)
         if not error:
             continue
         before = min(error[v] for v in others)
         if error["repaired"] > thresholds.NO_WORSE * before + thresholds.NEGLIGIBLE:
             return role
-        if (
-            role == "train" and error["repaired"] >= before > thresholds.NEGLIGIBLE
-        ):  # it was fitted to them, to no avail
-            return role
+        if before > thresholds.NEGLIGIBLE:
+            left = error["repaired"] / before
+            if left > 1 / thresholds.NO_WORSE or (role == "holdout" and free and left * _left(free, others) > 1):
+                return role
     return None
+
+
+def _left(error: Mapping[str, float], others: Sequence[str]) -> float:
+    """Of what free runs err by, the share that the repair leaves: more than 1 is for predictions to make up for."""
+    before = min(error[v] for v in others)
+    return error["repaired"] / before if before > thresholds.NEGLIGIBLE else 1.0
 
 
 def removed(channels: Channels) -> tuple[float, str] | None:

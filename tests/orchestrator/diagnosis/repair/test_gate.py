@@ -27,6 +27,8 @@ def channels(nominal: float, calibrated: float, repaired: float, train: float = 
         (channels(1.5, 4.0, 2.0), "withheld"),  # better than calibrated, worse than as specified
         (channels(5.0, 2.0, 1.0, train=3.0), "withheld"),  # does not even fit
         (channels(2.0, 2.0, 2.0, train=2.0), "withheld"),  # changes nothing
+        (channels(2.0, 2.0, 1.99), "withheld"),  # fits, and predicts no better
+        (channels(2.0, 2.0, 1.9), "offered"),
         ({"w": {"noise": 1.0, "train": {"nominal": 5.0, "calibrated": 2.0, "repaired": 1.0}}}, "offered"),
     ],
 )
@@ -40,6 +42,14 @@ def test_anchored_predictions_decide_where_there_are_some() -> None:
     free = channels(1.5, 4.0, 6.0)  # a free run that lost its angles
     free["w"]["holdout"]["predicted"] = {"horizon": 0.2, "nominal": 3.0, "calibrated": 2.0, "repaired": 1.0}
     assert judged(free) == "offered"
+
+
+@pytest.mark.parametrize(("predicted", "verdict"), [(1.98, "withheld"), (1.2, "offered")])
+def test_predictions_have_to_make_up_for_what_free_runs_lose(predicted: float, verdict: str) -> None:
+    """An axis whose free runs erred by 60 % more with an asymmetry was offered it, for 2 % less in predictions."""
+    figures = channels(5.0, 2.0, 3.0)
+    figures["w"]["holdout"]["predicted"] = {"horizon": 0.2, "nominal": 3.0, "calibrated": 2.0, "repaired": predicted}
+    assert judged(figures) == verdict
 
 
 def test_a_withheld_repair_is_undecided_without_a_percentage_or_a_claim() -> None:

@@ -105,7 +105,7 @@ def diagnose(
     for role in roles:
         title = {"train": "training runs", "holdout": "held-out runs"}[role]
         figures = {n: {"noise": c["noise"], **c[role]} for n, c in content["channels"].items() if role in c}
-        console.print(_figures(f"rms of recording - simulation, {title}", figures, result.units, content.get("repair")))
+        _print_figures(title, figures, result.units, content.get("repair"))
     if content.get("next_experiment"):
         console.print(f"next: {escape(content['next_experiment'])}", soft_wrap=True)
     for path in result.files:
@@ -157,7 +157,7 @@ def verify(
     content = run(folder, loaded)
     units = {name: unit for recording in loaded.recordings for name, unit in recording.units.items()}
     console.print(f"repaired system: {escape(content['system'])}", soft_wrap=True)
-    console.print(_figures("rms of recording - simulation, held-out runs", content["channels"], units))
+    _print_figures("held-out runs", content["channels"], units)
     if why := content.get("not_predicted"):
         console.print(f"[yellow]no prediction from short distances: {escape(why)}[/yellow]", soft_wrap=True)
     for name in ("verify.json", "verify.parquet"):
@@ -269,6 +269,17 @@ def _findings(findings: list[dict[str, Any]]) -> Table:
         equivalent = ", ".join(f["equivalent"]) or "-"
         grid.add_row(f["term"], f"{100 * f['confidence']:.0f} %", onset, "\n".join(values), equivalent)
     return grid
+
+
+def _print_figures(
+    runs: str, channels: dict[str, dict[str, Any]], units: dict[str, str], repair: str | None = None
+) -> None:
+    """Errors of free runs, and of predictions where there are some: these are what a repair is judged by."""
+    console.print(_figures(f"rms of recording - simulation, {runs}", channels, units, repair))
+    predicted = {n: {"noise": c["noise"], **c["predicted"]} for n, c in channels.items() if c.get("predicted")}
+    if predicted:
+        horizon = next(iter(predicted.values()))["horizon"]
+        console.print(_figures(f"rms of predictions over {horizon:g} s, {runs}", predicted, units, repair))
 
 
 def _figures(

@@ -18,7 +18,7 @@ from benchmarks.__main__ import show
 from benchmarks.measure import Row
 from cobot_joint.diagnosis.evaluation.prove import cases_of
 from cobot_joint.diagnosis.evaluation.score import rate, scoreboard
-from cobot_joint.diagnosis.selection.confidence import COUNTED
+from cobot_joint.diagnosis.selection.confidence import COUNTED, COUNTED_BESIDE
 from cobot_joint.results.figures import COLOURS
 
 ROOT = Path(__file__).parents[1]
@@ -79,6 +79,14 @@ def test_the_counts_that_are_drawn_are_those_that_reports_quote() -> None:
         interval = rate(k, n)["ci95"]
         said = f"{k} of {n} true, 95 % interval {interval[0]:g} to {interval[1]:g}" if n else "no finding"
         assert f"<title>{low:g} to {min(high, 1):g}: {said}</title>" in drawn
+
+
+def test_the_count_beside_backgrounds_that_reports_quote_is_that_of_the_docs() -> None:
+    told = (ROOT / "docs" / "state-estimation.md").read_text(encoding="utf-8")
+    bands = re.search(r"0.5 to 0.9 was said (\d+) of (\d+) were true.*more was said (\d+) of (\d+)", told)
+    assert bands
+    true_mid, mid, true_most, most = map(int, bands.groups())
+    assert (mid + most, true_mid + true_most) == COUNTED_BESIDE
 
 
 @pytest.mark.parametrize("name", SETS)

@@ -11,12 +11,12 @@ from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.repair.gate import fails, removed
 from cobot_joint.diagnosis.report.localization_words import listed
 from cobot_joint.diagnosis.report.words import load_history, misread
-from cobot_joint.diagnosis.selection.confidence import counted
+from cobot_joint.diagnosis.selection.confidence import COUNTED_BESIDE, counted
 
 Json = Mapping[str, Any]
 NOT_COUNTED = {  # what stands behind a confidence -> what is to be said of it
-    "background": "by how far it stands out of a background; set by hand so far, no count stands behind it",
-    "recorded motion": "along the recorded motion the confidence is set by hand so far, no count stands behind it",
+    "background": "by the share that it takes beside a background; short of even odds no count stands behind it",
+    "recorded motion": "by what it predicts along the recorded motion; short of even odds no count stands behind it",
     "table": "findings from tables have not been counted",
     "frequency response": "findings from frequency responses have not been counted",
     "term not counted": "findings of this effect have not been counted",
@@ -160,7 +160,11 @@ def how_sure(f: Json, d: Json) -> str:
     said = percent(given)
     if d.get("repair") == "withheld":
         return f"{said}: less than even, since its repair is withheld"
-    if (ground := f.get("confidence_from")) != "drawn machines":
+    ground = f.get("confidence_from")
+    if ground in ("background", "recorded motion") and given >= thresholds.EVEN:
+        claims, true = COUNTED_BESIDE
+        return f"{said}; of {claims} findings given 50 % and more on drawn machines with backgrounds {true} were right"
+    if ground != "drawn machines":
         return f"{said}; {NOT_COUNTED.get(ground or '', 'what stands behind it is not on record')}"
     (low, high), findings, right = counted(given)
     if not findings:

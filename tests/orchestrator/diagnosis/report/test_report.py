@@ -25,7 +25,7 @@ from cobot_joint.diagnosis.report.overlays import LEVELS, binned, over_signals
 from cobot_joint.diagnosis.report.pictures import of_panels
 from cobot_joint.diagnosis.report.report import ReportData, render, write_report
 from cobot_joint.diagnosis.report.words import remedy
-from cobot_joint.diagnosis.selection.confidence import COUNTED, COUNTED_TERMS
+from cobot_joint.diagnosis.selection.confidence import COUNTED, COUNTED_BESIDE, COUNTED_TERMS
 from cobot_joint.mathml import typeset
 from cobot_joint.results.figures import COLOUR, Curve, Panel
 from cobot_joint.system import load_system
@@ -247,7 +247,7 @@ def test_a_counted_confidence_comes_with_its_count() -> None:
 @pytest.mark.parametrize(
     ("said", "why"),
     [
-        *((sure(0.7, ground), why) for ground, why in NOT_COUNTED.items()),
+        *((sure(0.4, ground), why) for ground, why in NOT_COUNTED.items()),
         (sure(0.7, None), "not on record"),
         (sure(0.45, "drawn machines", repair="withheld"), "less than even"),
     ],
@@ -255,6 +255,13 @@ def test_a_counted_confidence_comes_with_its_count() -> None:
 def test_a_confidence_that_was_not_counted_says_so(said: str, why: str) -> None:
     assert why in said
     assert "were right" not in said
+
+
+@pytest.mark.parametrize("ground", ["background", "recorded motion"])
+def test_a_claim_beside_a_background_says_how_many_such_were_right(ground: str) -> None:
+    claims, true = COUNTED_BESIDE
+    assert f"of {claims} findings" in sure(0.7, ground)
+    assert f"{true} were right" in sure(0.7, ground)
 
 
 def test_counts_are_those_of_the_documentation(root: Path) -> None:

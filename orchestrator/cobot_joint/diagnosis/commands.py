@@ -97,6 +97,8 @@ def diagnose(
     console.print(f"\n[bold]{escape(result.sentence)}[/bold]", soft_wrap=True)
     content = result.diagnosis
     _warn_of_crashes(content)
+    for said in content.get("mistimed", ()):
+        console.print(f"[yellow]{escape(said)}[/yellow]", soft_wrap=True)
     if said := left_out(content):
         console.print(f"[yellow]{escape(said)}[/yellow]", soft_wrap=True)
     if content["findings"]:

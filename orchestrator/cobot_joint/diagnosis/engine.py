@@ -31,7 +31,7 @@ from cobot_joint.diagnosis.plant.plant import Plant, TermCandidate
 from cobot_joint.diagnosis.selection.elimination import worth_naming
 from cobot_joint.diagnosis.selection.external_loads import look_for_external_loads, look_for_unlogged_load
 from cobot_joint.diagnosis.selection.misreading import Misread, look_for_misreading
-from cobot_joint.diagnosis.selection.mistimed import look_for_mistiming
+from cobot_joint.diagnosis.selection.mistimed import look_for_mistiming, still_late
 from cobot_joint.diagnosis.selection.outside import Outside, Select, in_place_of, let_go, look_outside
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.some_recordings import some_of
@@ -90,6 +90,11 @@ def _diagnosed(campaign: Campaign, plant: Plant, say: Progress, store: Store, bu
         say("looking for the experiment that would tell more")
         basis = [f.term for f in found.findings], explanation.fit.x
         found.advice = store.remember("experiment", basis, lambda: advise(problem, found.findings, explanation.fit))
+    if explanation.misread is None:
+        late = partial(still_late, problem, explanation.calibrated, explanation.fit)
+        found.mistimed = store.remember("mistimed", explanation.fit.x, late)
+    if found.mistimed:  # a wrong name takes some of it: a claim waits for stamps that are right
+        found.findings = [replace(f, confidence=min(f.confidence, thresholds.WITHHELD)) for f in found.findings]
     found.left_out = budget.left_out
     if found.left_out:  # what was not looked at may explain it better: no name is a claim yet
         found.findings = [replace(f, confidence=min(f.confidence, thresholds.WITHHELD)) for f in found.findings]

@@ -218,6 +218,7 @@ class Diagnosis:
     crashes: list[str] = field(default_factory=list)  # of units; what was tried then was passed over
     left_out: list[str] = field(default_factory=list)  # for want of time
     misreading: Misreading | None = None  # of a channel, in place of findings or as good as them
+    mistimed: list[str] = field(default_factory=list)  # channels that are late beside all that was found, in words
     refuted: list[str] = field(default_factory=list)  # base parameters whose withheld repair does not predict
 
     def parameters(self, variant: Literal["nominal", "calibrated", "repaired"]) -> dict[str, float]:
@@ -252,5 +253,6 @@ class Diagnosis:
             | ({"crashes": self.crashes} if self.crashes else {})
             | ({"left_out": self.left_out} if self.left_out else {})
             | ({"misreading": self.misreading.to_json()} if self.misreading else {})
+            | ({"mistimed": self.mistimed} if self.mistimed else {})
             | ({"refuted": self.refuted} if self.refuted else {})
         )

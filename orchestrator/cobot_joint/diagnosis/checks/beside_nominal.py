@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from cobot_joint.diagnosis.checks.delays import Delay, agreed, of_one_shaft
 from cobot_joint.diagnosis.data.conditioning import noise_and_colour
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.data.suspicion import Suspicion
@@ -54,6 +55,7 @@ def beside_nominal(
     """
     found: list[Suspicion] = []
     lags: dict[str, list[tuple[str, float]]] = {}
+    shafts: dict[tuple[str, str], dict[str, Delay]] = {}
     for recording in recordings:
         if any(s.wrong for s in found):  # one is enough: nothing is fitted
             break
@@ -61,6 +63,8 @@ def beside_nominal(
         simulated = simulate(r)
         wrong = list(_driven_by_nothing(r, simulated)) or list(_scales(r, simulated, simulate, ratios or {}))
         found += wrong or list(_free_drift(r, simulated))
+        for angle, speed, delay in [] if wrong else of_one_shaft(r, simulated):
+            shafts.setdefault((angle, speed), {})[r.name] = delay
         for name, m in _matches(r, simulated).items():
             if wrong or m.correlation < ALIKE:
                 continue
@@ -72,7 +76,10 @@ def beside_nominal(
                 found.append(Suspicion(r.name, name, "clock drifts", words))
             elif at.by_tau > SHARE and abs(at.tau) > r.step:
                 lags.setdefault(name, []).append((r.name, at.tau))
-    return found + list(_skews(lags, {n: sum(n in r.outputs for r in recordings) for n in lags}))
+    apart = list(_apart(shafts, max((r.step for r in recordings), default=0.0)))
+    told = {s.channel for s in apart}
+    lags = {n: seen for n, seen in lags.items() if n not in told}
+    return found + apart + list(_skews(lags, {n: sum(n in r.outputs for r in recordings) for n in lags}))
 
 
 def _beginning(r: Recording) -> Recording:
@@ -243,6 +250,18 @@ def unlike(x: Vector, s: Vector) -> float:
     m = match(x, s)
     a = x[known] - np.mean(x[known])
     return float((1 - (m.correlation if m else 0.0) ** 2) * (a @ a))
+
+
+def _apart(shafts: Mapping[tuple[str, str], Mapping[str, Delay]], step: float) -> Iterator[Suspicion]:
+    """Speeds that are late beside the angle of their own shaft, or early."""
+    for (angle, speed), seen in shafts.items():
+        late = agreed(list(seen.values()), step)
+        if late is not None:
+            words = (
+                f"it comes {1e3 * abs(late):.2g} ms {'after' if late > 0 else 'before'} {angle}, whose slope it is, in "
+                f"every run that tells: one of them is stamped wrong, or filtered; stamps are put right with late"
+            )
+            yield Suspicion(", ".join(seen), speed, "late", words)
 
 
 def _skews(lags: Mapping[str, Sequence[tuple[str, float]]], runs: Mapping[str, int]) -> Iterator[Suspicion]:

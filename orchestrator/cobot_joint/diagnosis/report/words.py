@@ -180,6 +180,7 @@ def notes(content: Json) -> list[str]:
         for f in content["findings"]
         if (name := f.get("load_history", {}).get("frozen"))
     ]
+    said += content.get("mistimed", ())
     if time_was_up := left_out(content):
         said.append(time_was_up)
     return said + not_compared(content) + _unexplained(content)

@@ -1,6 +1,7 @@
 """Before physics is asked: a channel that is stamped late, or by a clock that runs at another rate.
 
-Where recordings lie beside the nominal system tells which; the fit beside it tells whether that is all.
+Where recordings lie beside the nominal system tells which; the fit beside it tells whether that is all. Where a
+background is left beside it, what no answer takes is said once the search is over.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import numpy as np
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.checks.beside_nominal import ALIKE, SHARE, match, shifted, unlike
+from cobot_joint.diagnosis.checks.delays import Delay, agreed, beside, mostly
 from cobot_joint.diagnosis.estimation.channels import Stamps
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.least_squares import difference, fit, fit_on, predicted_decrease
@@ -48,6 +50,57 @@ def look_for_mistiming(problem: Problem, calibrated: Fit) -> Misread | None:
     best, *others = sorted(fitted, key=lambda m: m.fit.cost)
     alike = [m.channel for m in others if m.fit.cost - best.fit.cost < thresholds.ALIKE]
     return replace(best, alike=alike[0]) if alike else best
+
+
+def still_late(problem: Problem, calibrated: Fit, found: Fit) -> list[str]:
+    """Channels that come late, or early, beside the re-fitted base model and beside what was found, in words."""
+    if problem.is_table or not problem.unexplained(calibrated.residual):
+        return []
+    believed = {name for r in problem.recordings for name in r.believed}
+    step = max(r.step for r in problem.recordings)
+    words = []
+    for name, delays in _delays(problem, calibrated).items():
+        late = agreed(delays, step)
+        if late is None and mostly(delays):  # the base model is bent by it
+            late = _unbent(problem, calibrated, name, step)
+        if late is not None and name not in believed and mostly(_delays(problem, found).get(name, [])):
+            words.append(_late_in_words(problem, name, late))
+    return words
+
+
+def _delays(problem: Problem, at: Fit) -> dict[str, list[Delay]]:
+    """Of every output, run by run."""
+    seen: dict[str, list[Delay]] = {}
+    for r, simulated in zip(problem.recordings, at.simulated.outputs, strict=True):
+        for name, x in r.outputs.items():
+            if (delay := beside(x, simulated[name], r.step)) is not None:
+                seen.setdefault(name, []).append(delay)
+    return seen
+
+
+def _unbent(problem: Problem, calibrated: Fit, channel: str, step: float) -> float | None:
+    """What its runs agree on beside the base model that was fitted beside its stamps."""
+    stamps, count = Stamps(channel), len(calibrated.x)
+    hypothesis, x = calibrated.hypothesis.with_effects(stamps), np.concatenate([calibrated.x, stamps.start()])
+    own = difference(problem, hypothesis, x, calibrated.simulated, range(count, len(x)))
+    if own is None:
+        return None
+    there = fit(problem, hypothesis, x, np.column_stack([calibrated.jacobian, own]), FINISHED)
+    unstamped = problem.simulate([calibrated.hypothesis.run(there.x[:count])])[0] if there is not None else None
+    if unstamped is None:
+        return None
+    return agreed(_delays(problem, replace(calibrated, simulated=unstamped)).get(channel, []), step)
+
+
+def _late_in_words(problem: Problem, channel: str, late: float) -> str:
+    inputs = dict.fromkeys(n for r in problem.recordings for n, x in r.inputs.items() if np.ptp(x) > 0)
+    when, stamped, others = ("after", "late", "early") if late > 0 else ("before", "early", "late")
+    drives = f", or {' or '.join(inputs)} {others}" if inputs else ""
+    machine = ", or it is filtered, or the machine lags" if late > 0 else ""
+    return (
+        f"{channel} comes {1e3 * abs(late):.2g} ms {when} the re-fitted system in every run that tells: "
+        f"it is stamped {stamped}{drives}{machine}; stamps are put right with late"
+    )
 
 
 def _suspects(problem: Problem) -> list[Stamps]:

@@ -1,0 +1,53 @@
+"""A channel that is late beside a background, which no delay explains to the noise, is said to be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cobot_joint.diagnosis.data.campaign import Campaign
+from cobot_joint.diagnosis.engine import diagnose_plant
+from cobot_joint.diagnosis.estimation.calibrate import calibrate
+from cobot_joint.diagnosis.estimation.problem import one_blas_thread
+from cobot_joint.diagnosis.report.words import notes
+from cobot_joint.diagnosis.selection.mistimed import look_for_mistiming, still_late
+from cobot_joint.diagnosis.store import Store
+from cobot_joint.diagnosis.thresholds import WITHHELD
+from tests.orchestrator.diagnosis.axis import OFF, STEP, Axis, campaign
+
+LATE = 3  # samples
+
+
+def beside_a_background(late: int) -> Campaign:
+    """Two runs of an axis that lacks something on no list, its speed stamped late by so many samples."""
+    case = campaign(OFF, extra="cube")
+    for r in case.recordings:
+        t = r.time
+        r.outputs["w"] = np.interp(t - late * STEP, t, r.outputs["w"])
+    return case
+
+
+def said(late: int) -> list[str]:
+    with one_blas_thread():
+        problem, base = calibrate(beside_a_background(late), Axis(), lambda words: None, Store(None))
+        assert look_for_mistiming(problem, base) is None  # it does not take all that is left
+        return still_late(problem, base, base)
+
+
+def test_a_channel_that_is_late_beside_a_background_is_said_to_be() -> None:
+    (words,) = said(LATE)
+    assert words.startswith("w comes ")
+    assert float(words.split()[2]) == pytest.approx(1e3 * LATE * STEP, rel=0.1)
+    assert "it is stamped late, or u early, or it is filtered" in words
+
+
+def test_a_background_alone_is_no_delay() -> None:
+    assert said(0) == []
+
+
+@pytest.mark.long
+def test_beside_a_channel_that_is_late_no_name_is_a_claim() -> None:
+    found = diagnose_plant(beside_a_background(LATE), Axis())
+    assert [words.split()[0] for words in found.mistimed] == ["w"]
+    assert all(f.confidence <= WITHHELD for f in found.findings)
+    assert found.mistimed[0] in notes(found.to_json())

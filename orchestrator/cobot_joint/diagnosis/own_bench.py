@@ -127,8 +127,8 @@ def _first_campaign(
 
 
 def usual_tolerances(system: Path) -> dict[str, str]:
-    """`component.parameter` -> how far off, of components whose units are parts of a chain."""
-    from cobot_joint.diagnosis.drafts.chain import PARTS
+    """`component.parameter` -> how far off, as TOML, of components whose units are parts of a chain."""
+    from cobot_joint.diagnosis.drafts.chain import PARTS, tolerances
     from cobot_joint.system.read import load_system
 
     usual: dict[str, Mapping[str, str]] = {}
@@ -138,10 +138,9 @@ def usual_tolerances(system: Path) -> dict[str, str]:
     components = load_system(system).components
     own = {c.name: PARTS[c.name].fits for c in components if c.name in PARTS and PARTS[c.name].unit == c.unit.name}
     return {
-        f"{c.name}.{name}": tolerance
+        f"{c.name}.{name}": line
         for c in components
-        for name, tolerance in own.get(c.name, usual.get(c.unit.name, {})).items()
-        if float(c.parameters.get(name, c.unit.variables[name].start) or 0.0) != 0.0
+        for name, line in tolerances(c, own.get(c.name, usual.get(c.unit.name, {}))).items()
     }
 
 

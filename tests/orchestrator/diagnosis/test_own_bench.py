@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cobot_joint.cli import main
+from cobot_joint.cosim import Experiment, Simulation
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.diagnosis.data.recording import Connector
 from cobot_joint.diagnosis.drafts.campaign_text import guess
+from cobot_joint.diagnosis.drafts.chain import chain, with_data_sheet
+from cobot_joint.system.model import Inputs
 
 T = np.arange(4000) * 1e-3
 
@@ -172,19 +176,54 @@ def test_what_inspect_drafts_for_a_system_of_ones_own_is_read_as_it_stands(
 
 
 def test_tolerances_that_are_drafted_are_those_of_the_part(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:
-    for chain, name, tolerance in (
+    for parts, name, tolerance in (
         ("motor,load", "load.body.J", "10 %"),
         ("motor,pendulum", "pendulum.body.m", "5 %"),
         ("motor,screw", "screw.body.m", "10 %"),
     ):
-        assert cobot_joint("new", "--chain", chain, "--out", chain).returncode == 0
+        assert cobot_joint("new", "--chain", parts, "--out", parts).returncode == 0
         log(tmp_path, "run.csv", {"t [s]": T, "v_command [V]": np.sin(3 * T), "i_motor [A]": np.cos(3 * T)})
-        assert cobot_joint("inspect", "run.csv", "--system", f"{chain}/system.ssd", "--out", "f").returncode == 0
+        assert cobot_joint("inspect", "run.csv", "--system", f"{parts}/system.ssd", "--out", "f").returncode == 0
         text = (tmp_path / "f/campaign.toml").read_text()
         (tmp_path / "f/campaign.toml").unlink()
         given = dict(line.split(" = ") for line in text.splitlines() if line.startswith('"') and "%" in line)
         assert given[f'"{name}"'] == f'"{tolerance}"'
         assert not any("90 %" in value for value in given.values())
+
+
+def test_dry_friction_may_be_sharper_than_its_unit_assumes_in_what_is_drafted(
+    tmp_path: Path, cobot_joint: Callable[..., Done]
+) -> None:
+    assert cobot_joint("new", "--chain", "motor,load", "--out", "axis").returncode == 0
+    log(tmp_path, "run.csv", {"t [s]": T, "v_command [V]": np.sin(3 * T), "i_motor [A]": np.cos(3 * T)})
+    assert cobot_joint("inspect", "run.csv", "--system", "axis/system.ssd", "--out", "first").returncode == 0
+    for drafted in ("axis", "first"):
+        text = (tmp_path / drafted / "campaign.toml").read_text()
+        assert '"motor.friction.w_C" = [0.02, 1]   # guess: real dry friction holds at rest' in text
+        assert '"load.friction.w_C"' not in text  # the load has no dry friction
+
+
+@pytest.mark.long
+def test_of_a_healthy_motor_whose_friction_sticks_nothing_is_named(
+    tmp_path: Path, cobot_joint: Callable[..., Done]
+) -> None:
+    sheet = {"motor.friction.tau_C": "5 mN.m", "motor.J": "121 gcm2"}
+    words = [word for name, value in sheet.items() for word in ("--set", f"{name}={value}")]
+    assert cobot_joint("new", "--chain", "motor", *words, "--out", "machine").returncode == 0
+    motor = with_data_sheet(chain(["motor"]), sheet).system
+    rng, t = np.random.default_rng(3), np.arange(6001) * 1e-3
+    for name in ("run1.csv", "run2.csv"):
+        v = np.interp(t, np.linspace(0, 6, 13), np.r_[0.0, rng.uniform(-1.5, 1.5, 11), 0.0])
+        with Simulation(motor) as simulation:
+            experiment = Experiment(Inputs(t, {"v_command": v}), 6.0, parameters={"motor.friction.law": 2})
+            run = simulation.run(replace(experiment, record=["i_motor", "w_motor"])).signals
+        i, w = run["i_motor"] + rng.normal(0, 4e-3, len(t)), run["w_motor"] + rng.normal(0, 0.15, len(t))
+        log(tmp_path, name, {"t [s]": t, "u [V]": v, "i [A]": i, "w [rad/s]": w})
+    assert (
+        cobot_joint("inspect", "run1.csv", "run2.csv", "--system", "machine/system.ssd", "--out", "f").returncode == 0
+    )
+    assert cobot_joint("diagnose", "f/campaign.toml", "--out", "answer").returncode == 0
+    assert json.loads((tmp_path / "answer/diagnosis.json").read_text())["findings"] == []
 
 
 def test_a_campaign_that_nothing_drives_is_refused(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:

@@ -103,7 +103,7 @@ def campaign_text(
     tolerances: Mapping[str, str] | None = None,
     given: Mapping[str, str] | None = None,
 ) -> str:
-    """campaign.toml with its guesses marked. given: further keys of recordings."""
+    """campaign.toml with its guesses marked. tolerances: as TOML. given: further keys of recordings."""
     lines = [f"title = {_quoted(title)}", f"system = {_quoted(system)}", ""]
     lines += ["[channels]   # column -> connector of the system; look at every line that says guess"]
     for g in guesses:
@@ -113,7 +113,7 @@ def campaign_text(
         lines.append(f'# "COLUMN" = {_quoted(c.name)}   # {c.causality} [{c.unit or "1"}]: no column was found')
     if tolerances:
         lines += ["", "[tolerances]   # how far a healthy parameter may be off; guess: the data sheet knows better"]
-        lines += [f"{_quoted(name)} = {_quoted(tolerance)}" for name, tolerance in tolerances.items()]
+        lines += [f"{_quoted(name)} = {tolerance}" for name, tolerance in tolerances.items()]
     expected = ", ".join(_quoted(each.connector.name) for each in lacking if each.expected)
     for k, file in enumerate(files):
         role = "holdout" if k == len(files) - 1 > 0 else "train"

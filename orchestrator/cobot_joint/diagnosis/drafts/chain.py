@@ -39,6 +39,7 @@ class Part:
 
 
 FRICTION = {"friction.tau_C": "30 %", "friction.d": "30 %"}
+SHARPEST = 0.02  # of the assumed w_C: dry friction that holds at rest is as good as met there, and not too stiff yet
 BODY = ("body.J", "friction.tau_C", "friction.d", "friction.w_C")
 PARTS: dict[str, Part] = {
     "loop": Part(
@@ -245,6 +246,17 @@ def _parameter(key: str, wanted: str, unit: Unit) -> str:
         known = among(found or [n for n in real if n in {p for part in PARTS.values() for p in part.data_sheet}], 20)
         raise UserError(f"--set {key}: {'which of' if found else 'there is no such parameter, it has'} {known}")
     return found[0]
+
+
+def tolerances(component: Component, fits: Mapping[str, str]) -> dict[str, str]:
+    """Parameter -> how far off, as TOML: of those that are not 0, and of w_C, which no data sheet has."""
+    nominal = {n: float(component.parameters.get(n, component.unit.variables[n].start) or 0.0) for n in fits}
+    lines = {n: f'"{off}"' for n, off in fits.items() if nominal[n] != 0.0}
+    if "friction.tau_C" in lines:
+        w_C = float(component.parameters.get("friction.w_C", component.unit.variables["friction.w_C"].start) or 0.0)
+        why = "guess: real dry friction holds at rest, the unit's changes sign over w_C"
+        lines["friction.w_C"] = f"[{SHARPEST * w_C:g}, {w_C:g}]   # {why}"
+    return lines
 
 
 def write_readable(made: System, parts: Iterable[tuple[str, str]], path: Path) -> Path:

@@ -94,10 +94,11 @@ def _first_campaign(
     folder: Path, system: str, logs: list[Path], found: list[Inspection], given: dict[str, str]
 ) -> Path:
     """campaign.toml in the folder. UserError: one is there already, or no column fits."""
-    from cobot_joint.diagnosis.data.campaign import connectors_of, systems_of
+    from cobot_joint.diagnosis.data.campaign import connectors_of, system_connectors, systems_of
     from cobot_joint.diagnosis.data.campaign_file import CampaignFile, RecordingEntry
-    from cobot_joint.diagnosis.drafts.campaign_text import Lacking, campaign_text, guess
+    from cobot_joint.diagnosis.drafts.campaign_text import Columns, Lacking, campaign_text, guess, left_over
     from cobot_joint.system.read import load_system
+    from cobot_joint.system.wiring import driving, unwired
 
     path = folder / "campaign.toml"
     if path.exists():
@@ -107,7 +108,9 @@ def _first_campaign(
     setup, file = next(iter(setups.items()))
     own = load_system(file)
     connectors = connectors_of(file, setup, defaults.logged)
-    connectors = {n: c for n, c in connectors.items() if n in own.inputs or n in own.outputs}  # not of its components
+    offered = [c for n, c in system_connectors(file).items() if n in unwired(own)]
+    mine = {*own.inputs, *own.outputs} if own.inputs else {*own.outputs, *driving(own)}  # else not of its components
+    connectors = {n: c for n, c in connectors.items() if n in mine}
     guesses = guess(found[0].log.channels, connectors, defaults.logged)
     if not any(connectors[g.connector].causality == "output" for g in guesses):
         raise UserError(
@@ -122,7 +125,10 @@ def _first_campaign(
     ]
     files = [Path(os.path.relpath(log, folder)).as_posix() for log in logs]
     tolerances = {} if defaults.tolerances else usual_tolerances(file)
-    path.write_text(campaign_text(logs[0].stem, named, files, guesses, wanted, tolerances, given), encoding="utf-8")
+    channels = {c.name: c for i in found for c in i.log.channels}
+    unusable = {name: why for i in found for name, why in i.log.unusable.items()}
+    columns = Columns(guesses, wanted, left_over(channels.values(), guesses, offered), unusable)
+    path.write_text(campaign_text(logs[0].stem, named, files, columns, tolerances, given), encoding="utf-8")
     return path
 
 
@@ -202,7 +208,7 @@ def _campaign(system: System, folder: Path) -> str:
     import numpy as np
 
     from cobot_joint.diagnosis.data.formats import Channel
-    from cobot_joint.diagnosis.drafts.campaign_text import Guess, campaign_text
+    from cobot_joint.diagnosis.drafts.campaign_text import Columns, Guess, campaign_text
 
     nothing = np.zeros(0)
     guesses = [
@@ -210,7 +216,8 @@ def _campaign(system: System, folder: Path) -> str:
         for n, c in (dict(system.inputs) | dict(system.outputs)).items()
     ]
     tolerances = usual_tolerances(folder / "system.ssd")
-    return campaign_text(folder.resolve().name, "system.ssd", ["run1.csv", "run2.csv"], guesses, [], tolerances)
+    files = ["run1.csv", "run2.csv"]
+    return campaign_text(folder.resolve().name, "system.ssd", files, Columns(guesses), tolerances)
 
 
 def _assignment(text: str) -> tuple[str, str]:

@@ -206,6 +206,33 @@ def unconnected(system: System) -> list[tuple[str, float, str]]:
     ]  # fmt: skip
 
 
+def unwired(system: System) -> list[str]:
+    """Connectors that a column may have: the system's, and of its components inputs that nothing is wired to and
+    outputs that the system does not show under a name of its own; no work, which nobody logs."""
+    taken = {(c.sink_component, c.sink) for c in system.connections}
+    taken |= {(c.source_component, c.source) for c in system.connections if c.sink_component is None}
+    of_components = [
+        f"{c.name}.{v.name}"
+        for c in system.components
+        for v in c.unit.variables.values()
+        if v.causality in ("input", "output") and (c.name, v.name) not in taken
+        and v.name not in {work for flange in c.unit.flanges for work in (flange.W, flange.W_abs)}
+    ]  # fmt: skip
+    return [*system.inputs, *system.outputs, *of_components]
+
+
+def driving(system: System) -> list[str]:
+    """Torques, `component.variable`, at shaft ends where a machine is driven and that nothing is wired to."""
+    free = unwired(system)
+    ends = [
+        f"{c.name}.{flange.tau}"
+        for c in system.components
+        for flange in c.unit.flanges
+        if flange.role == "takes" and c.unit.variables[flange.tau].causality == "input"
+    ]
+    return [name for name in ends if name in free]
+
+
 def warn_of_unconnected(system: System) -> None:
     """A line for each of them, before anything runs. Shipped systems are as they are meant."""
     if system.path is None or system.path.parent == paths.folder("systems"):

@@ -17,7 +17,7 @@ from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.diagnosis.data.recording import Connector
 from cobot_joint.diagnosis.drafts.campaign_text import guess
-from cobot_joint.diagnosis.drafts.chain import chain, with_data_sheet
+from cobot_joint.diagnosis.drafts.chain import chain, with_data_sheet, write_readable
 from cobot_joint.system.model import Inputs
 
 T = np.arange(4000) * 1e-3
@@ -173,6 +173,33 @@ def test_what_inspect_drafts_for_a_system_of_ones_own_is_read_as_it_stands(
     text = (tmp_path / "first/campaign.toml").read_text()
     assert '"w_motor"' in text  # no column was found for it
     assert set(load_campaign(tmp_path / "first").train[0].outputs) == {"i_motor", "s"}
+
+
+def test_every_column_of_a_log_stands_in_what_inspect_drafts(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:
+    assert cobot_joint("new", "--chain", "motor,load", "--out", "axis").returncode == 0
+    names = ("t [s]", "u [V]", "i [A]", "n [rpm]", "w_load [rad/s]", "M_brake [N.m]", "T_case [K]", "F [N]", "count")
+    log(tmp_path, "run.csv", {n: np.sin((3 + k) * T) if k else T for k, n in enumerate(names)})
+    assert cobot_joint("inspect", "run.csv", "--system", "axis/system.ssd", "--out", "first").returncode == 0
+    text = (tmp_path / "first/campaign.toml").read_text()
+    assert [name for name in names[1:] if f'"{name}" = "' not in text] == []
+    assert '# "F [N]" = "load.F_add"   # not used; it could be load.F_add\n' in text
+    assert '# "count" = "CONNECTOR"   # not used: no connector is like it' in text
+    assert "tau_add" in next(line for line in text.splitlines() if "M_brake" in line)
+    assert set(load_campaign(tmp_path / "first").train[0].outputs) == {"i_motor", "w_motor", "w_load"}
+
+
+def test_a_torque_that_drives_a_system_without_inputs_is_guessed_onto_its_shaft(
+    tmp_path: Path, cobot_joint: Callable[..., Done]
+) -> None:
+    whole = chain(["load"]).system
+    wires = tuple(c for c in whole.connections if c.source_component is not None)
+    write_readable(replace(whole, inputs={}, connections=wires), [], tmp_path / "system.ssd")
+    log(tmp_path, "run.csv", {"t [s]": T, "tau [N.m]": np.sin(3 * T), "w [rad/s]": np.cos(3 * T), "phi [rad]": T})
+    assert cobot_joint("inspect", "run.csv", "--system", "system.ssd", "--out", "first").returncode == 0
+    text = (tmp_path / "first/campaign.toml").read_text()
+    assert '"tau [N.m]" = "load.tau"   # guess: by its name\n' in text
+    assert '# "phi [rad]" = "load.phi"' in text
+    assert set(load_campaign(tmp_path / "first").train[0].inputs) == {"load.tau"}
 
 
 def test_tolerances_that_are_drafted_are_those_of_the_part(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.diagnosis.data.quantity import convert
 from cobot_joint.diagnosis.data.recording import Connector
-from cobot_joint.errors import UserError
+from cobot_joint.errors import UserError, among
 
 ALIKE = 0.5  # of two names, from which one may stand for the other
 # what people call things, in the words that connectors are named with
@@ -39,6 +39,16 @@ class Lacking:
 
     connector: Connector
     expected: bool
+
+
+@dataclass(frozen=True)
+class Columns:
+    """What a log's columns are to a system, and which of its connectors have none."""
+
+    guesses: Sequence[Guess]
+    lacking: Sequence[Lacking] = ()
+    left: Mapping[str, Sequence[str]] = field(default_factory=dict)  # column that is not used -> what it could be
+    unusable: Mapping[str, str] = field(default_factory=dict)  # column -> why
 
 
 def guess(channels: Sequence[Channel], connectors: Mapping[str, Connector], logged: Iterable[str] = ()) -> list[Guess]:
@@ -79,6 +89,25 @@ def _only_ones_left(
     ]
 
 
+def left_over(
+    channels: Iterable[Channel], guesses: Sequence[Guess], offered: Iterable[Connector]
+) -> dict[str, list[str]]:
+    """Column that no guess uses -> connectors that it could be by its unit, else by its name; the likeliest first."""
+    used, taken = {g.column.name for g in guesses}, {g.connector for g in guesses}
+    free = [c for c in offered if c.name not in taken and c.unit]
+    left = {}
+    for channel in channels:
+        alike = {c.name: _likeness(channel.name, c.name) for c in free if _converts(channel.unit, c.unit)}
+        fitting = [n for n, likeness in alike.items() if channel.unit not in (None, "1") or likeness >= ALIKE]
+        if channel.name not in used:
+            left[_header(channel)] = sorted(fitting, key=lambda n: -alike[n])
+    return left
+
+
+def _header(column: Channel) -> str:
+    return column.name + (f" [{column.unit}]" if column.unit else "")
+
+
 def _converts(unit: str | None, target: str | None) -> bool:
     if unit is None or target is None:
         return True
@@ -98,23 +127,16 @@ def campaign_text(
     title: str,
     system: str,
     files: Sequence[str],
-    guesses: Sequence[Guess],
-    lacking: Sequence[Lacking],
+    columns: Columns,
     tolerances: Mapping[str, str] | None = None,
     given: Mapping[str, str] | None = None,
 ) -> str:
     """campaign.toml with its guesses marked. tolerances: as TOML. given: further keys of recordings."""
-    lines = [f"title = {_quoted(title)}", f"system = {_quoted(system)}", ""]
-    lines += ["[channels]   # column -> connector of the system; look at every line that says guess"]
-    for g in guesses:
-        header = g.column.name + (f" [{g.column.unit}]" if g.column.unit else "")
-        lines.append(f"{_quoted(header)} = {_quoted(g.connector)}" + (f"   # guess: {g.why}" if g.why else ""))
-    for c in (each.connector for each in lacking):
-        lines.append(f'# "COLUMN" = {_quoted(c.name)}   # {c.causality} [{c.unit or "1"}]: no column was found')
+    lines = [f"title = {_quoted(title)}", f"system = {_quoted(system)}", "", *_channels(columns)]
     if tolerances:
         lines += ["", "[tolerances]   # how far a healthy parameter may be off; guess: the data sheet knows better"]
         lines += [f"{_quoted(name)} = {tolerance}" for name, tolerance in tolerances.items()]
-    expected = ", ".join(_quoted(each.connector.name) for each in lacking if each.expected)
+    expected = ", ".join(_quoted(each.connector.name) for each in columns.lacking if each.expected)
     for k, file in enumerate(files):
         role = "holdout" if k == len(files) - 1 > 0 else "train"
         lines += ["", "[[recording]]", f"file = {_quoted(file)}"]
@@ -124,6 +146,26 @@ def campaign_text(
         if expected:
             lines.append(f"without = [{expected}]   # guess: they were not recorded")
     return "\n".join(lines) + "\n"
+
+
+def _channels(columns: Columns) -> list[str]:
+    """Every column of the log and every connector, those without the other as comments."""
+    lines = ["[channels]   # column -> connector of the system; look at every line that says guess"]
+    for g in columns.guesses:
+        why = f"   # guess: {g.why}" if g.why else ""
+        lines.append(f"{_quoted(_header(g.column))} = {_quoted(g.connector)}{why}")
+    for c in (each.connector for each in columns.lacking):
+        lines.append(f'# "COLUMN" = {_quoted(c.name)}   # {c.causality} [{c.unit or "1"}]: no column was found')
+    for header, fitting in columns.left.items():
+        why = f"not used; it could be {among(fitting, 5)}" if fitting else "not used: no connector is like it"
+        lines.append(f"# {_quoted(_line(header))} = {_quoted(fitting[0] if fitting else 'CONNECTOR')}   # {why}")
+    lines += [f"# {_quoted(_line(name))} cannot be used: it {_line(why)}" for name, why in columns.unusable.items()]
+    return lines
+
+
+def _line(text: str) -> str:
+    """In one line, for a comment ends with it."""
+    return " ".join(text.split())
 
 
 def _quoted(text: str) -> str:

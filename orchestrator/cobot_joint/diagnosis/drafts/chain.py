@@ -160,6 +160,8 @@ def chain(names: Sequence[str], name: str = "bench") -> Chain:
     wires = [wire for a, b in pairwise(names) for wire in _wires(a, b, units)]
     inputs, outputs = {}, {}
     for n, part in parts.items():
+        if n == names[0] and part.before is not None and "before" in part.moves:  # no part drives it: a torque does
+            part = replace(part, feeds={"tau": (part.before[2], "torque that drives it"), **part.feeds})
         fed = {(w.sink_component, w.sink) for w in wires}
         for connector, (variable, words) in part.feeds.items():
             if (n, variable) in fed:

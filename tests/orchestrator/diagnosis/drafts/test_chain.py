@@ -33,6 +33,9 @@ def made(folder: Path, names: str, **sheet: str) -> Chain:
         ("motor,screw", ["v_command"], ["i_motor", "w_motor", "s"]),
         ("motion,sensor,load", ["w"], ["tau_sensor", "w_load"]),
         ("friction", ["w"], ["tau"]),
+        ("load", ["tau"], ["w_load"]),
+        ("pendulum", ["tau"], ["phi_load"]),
+        ("link", ["tau"], ["phi_link", "w_link"]),
     ],
 )
 def test_a_chain_is_a_system_that_runs(tmp_path: Path, names: str, inputs: list[str], outputs: list[str]) -> None:

@@ -91,8 +91,10 @@ def _diagnosed(campaign: Campaign, plant: Plant, say: Progress, store: Store, bu
         basis = [f.term for f in found.findings], explanation.fit.x
         found.advice = store.remember("experiment", basis, lambda: advise(problem, found.findings, explanation.fit))
     if explanation.misread is None:
-        late = partial(still_late, problem, explanation.calibrated, explanation.fit)
-        found.mistimed = store.remember("mistimed", explanation.fit.x, late)
+        claims = any(f.confidence >= thresholds.EVEN for f in found.findings)  # what is none explains nothing away
+        at = explanation.fit if claims else explanation.calibrated
+        late = partial(still_late, problem, explanation.calibrated, at)
+        found.mistimed = store.remember("mistimed", at.x, late)
     if found.mistimed:  # a wrong name takes some of it: a claim waits for stamps that are right
         found.findings = [replace(f, confidence=min(f.confidence, thresholds.WITHHELD)) for f in found.findings]
     found.left_out = budget.left_out

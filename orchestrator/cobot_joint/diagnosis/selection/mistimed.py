@@ -21,6 +21,7 @@ from cobot_joint.diagnosis.selection.misreading import FINISHED, ROUGH, Misread,
 
 TRIED = 3  # channels that are fitted
 PROMISING = replace(ROUGH, jacobians=0)  # of a fit that has to show promise
+STILL = 0.5  # of what a delay takes beside the base model, that it takes beside what was found, to be there still
 RATES = np.linspace(-0.02, 0.02, 81)  # s per s; clocks that are further apart are told by the length of a run
 
 
@@ -58,12 +59,13 @@ def still_late(problem: Problem, calibrated: Fit, found: Fit) -> list[str]:
         return []
     believed = {name for r in problem.recordings for name in r.believed}
     step = max(r.step for r in problem.recordings)
-    words = []
+    words, beside_found = [], _delays(problem, found)
     for name, delays in _delays(problem, calibrated).items():
         late = agreed(delays, step)
         if late is None and mostly(delays):  # the base model is bent by it
             late = _unbent(problem, calibrated, name, step)
-        if late is not None and name not in believed and mostly(_delays(problem, found).get(name, [])):
+        taken = [sum(d.without - d.left for d in at) for at in (beside_found.get(name, []), delays)]
+        if late is not None and name not in believed and taken[0] > STILL * taken[1]:
             words.append(_late_in_words(problem, name, late))
     return words
 

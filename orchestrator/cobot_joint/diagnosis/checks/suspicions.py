@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, permutations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
+from scipy.ndimage import binary_erosion
+from scipy.signal import savgol_coeffs, savgol_filter
 
 from cobot_joint.diagnosis.data.conditioning import noise_and_colour
 from cobot_joint.diagnosis.data.recording import Recording
@@ -20,6 +21,8 @@ OUTLIER = 20.0  # times the rest's range
 EXCITED = 3.0  # sigma of the noise that a moving channel exceeds
 BLOCKS = 8  # of a run, for the scatter of its inertia
 INERTIA, SURE = 0.15, 4.0  # relative difference between runs, and standard errors of it
+SMOOTH = 0.02  # s on either side: a slope's noise makes an inertia too small, by half in slow runs with 5 ms
+CREEP = 0.03  # of the top speed, below which friction may have any value
 
 
 def suspicions(recordings: Sequence[Recording]) -> list[Suspicion]:
@@ -73,57 +76,98 @@ def _inertias(recordings: Sequence[Recording]) -> Iterator[Suspicion]:
             continue
         # the effort that goes with the acceleration best: a motor's current, the torque at its shaft
         effort = max(sorted(efforts), key=lambda n: sum(_correlation(m.efforts[n], m.slope) for m in motions))
-        known = [(m.name, *inertia(m, effort)) for m in motions]
-        known = [(name, a, error) for name, a, error in known if a > SURE * error]
-        if len(known) < 2:
-            continue
-        (low, a, sa), (high, b, sb) = min(known, key=lambda k: k[1]), max(known, key=lambda k: k[1])
-        if b - a > INERTIA * (a + b) / 2 and b - a > SURE * float(np.hypot(sa, sb)):
+        known = [(m.name, found) for m in motions if (found := inertia(m, effort)) is not None and found.is_known]
+        pairs = [(a, b) for a, b in permutations(known, 2) if a[1].is_less_than(b[1])]
+        if pairs:
+            (low, a), (high, b) = max(pairs, key=lambda pair: pair[1][1].value - pair[0][1].value)
             evidence = (
-                f"{effort} per acceleration is {a:.3g} in {low} and {b:.3g} in {high} "
-                f"(standard errors {sa:.1g} and {sb:.1g}): the inertia or the load differs by run"
+                f"{effort} per acceleration is {a.value:.3g} in {low} and {b.value:.3g} in {high} "
+                f"(uncertain by {a.reach:.1g} and {b.reach:.1g}): the inertia or the load differs by run"
             )
             yield Suspicion(f"{low}, {high}", effort, "inertia differs", evidence)
 
 
 @dataclass(frozen=True)
 class _Motion:
-    """One run's speed, smoothed, its slope, and torques or currents beside it: (n,) where all are known."""
+    """One run's speed, its slope, and torques or currents beside it, all smoothed alike: (n,) where all are known.
+
+    Without what nearly stands still. slope_noise: 1 sigma.
+    """
 
     name: str
     speed: Vector
     slope: Vector
     efforts: dict[str, Vector]
+    slope_noise: float
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """Effort per acceleration of one run, its standard error, and by how much it may be off for what is not modelled:
+    what friction and a background leave, all of it going along with the acceleration, and the slope's noise."""
+
+    value: float
+    error: float
+    bias: float
+
+    @property
+    def reach(self) -> float:
+        """By how much it is uncertain."""
+        return SURE * self.error + self.bias
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the run's acceleration shows it: a slow one shows friction."""
+        return self.value > self.reach
+
+    def is_less_than(self, other: Inertia) -> bool:
+        """Beyond what both are uncertain."""
+        apart = other.value - self.value
+        unsure = SURE * float(np.hypot(self.error, other.error)) + self.bias + other.bias
+        return apart > max(INERTIA * (self.value + other.value) / 2, unsure)
 
 
 def _motion(r: Recording) -> _Motion | None:
     """None: no speed, no effort, or too short."""
     series = r.inputs | r.outputs
     speeds = [n for n in r.outputs if r.units.get(n) == "rad/s"]
-    window = 2 * max(2, round(0.005 / r.step)) + 1
+    window = 2 * max(2, round(SMOOTH / r.step)) + 1
     if not speeds or len(r.time) < 50 * BLOCKS:
         return None
-    known = np.all([np.isfinite(x) for x in series.values()], axis=0)
-    w = np.where(known, series[speeds[0]], 0.0)
-    speed, slope = (savgol_filter(w, window, 2, deriv=k, delta=r.step)[known] for k in (0, 1))
-    efforts = {n: x[known] for n, x in series.items() if r.units.get(n) in ("N.m", "A") and np.ptp(x[known]) > 0}
-    return _Motion(r.name, speed, slope, efforts) if efforts and np.any(slope) else None
+    recorded = np.all([np.isfinite(x) for x in series.values()], axis=0)
+    known = binary_erosion(recorded, iterations=window // 2, border_value=1)
+    wanted = [n for n in series if n == speeds[0] or r.units.get(n) in ("N.m", "A")]
+    smooth = {n: savgol_filter(np.where(recorded, series[n], 0.0), window, 2) for n in wanted}
+    w = smooth[speeds[0]]
+    kept = known & (np.abs(w) > CREEP * np.quantile(np.abs(w), 0.99))
+    efforts = {n: x[kept] for n, x in smooth.items() if n != speeds[0] and kept.any() and np.ptp(x[kept]) > 0}
+    slope = np.gradient(w, r.step)[kept]
+    if not efforts or len(slope) < 50 * BLOCKS or not np.any(slope):
+        return None
+    weights = np.gradient(np.pad(savgol_coeffs(window, 2), 2), r.step)
+    noise = float(np.nan_to_num(noise_and_colour(r.outputs[speeds[0]])[0]) * np.linalg.norm(weights))
+    return _Motion(r.name, w[kept], slope, efforts, noise)
 
 
-def inertia(m: _Motion, effort: str) -> tuple[float, float]:
-    """Effort per acceleration and its standard error: effort = a dw/dt + b w + c sgn(w) + d + other efforts.
+def inertia(m: _Motion, effort: str) -> Inertia | None:
+    """Of effort = a dw/dt + b w + c sgn(w) + d + other efforts. None: the acceleration is one of these.
 
     Least squares; the error is a jackknife over blocks, which holds for correlated residuals.
     """
-    top = np.quantile(np.abs(m.speed), 0.99)
     others = [x for n, x in m.efforts.items() if n != effort]
-    columns = [m.slope, m.speed, np.tanh(m.speed / (0.01 * top or 1.0)), np.ones_like(m.speed), *others]
+    columns = [m.slope, m.speed, np.sign(m.speed), np.ones_like(m.speed), *others]
     design = np.column_stack([c / np.sqrt(np.mean(c**2)) for c in columns if np.any(c)])
     y, pieces = m.efforts[effort], np.array_split(np.arange(len(m.speed)), BLOCKS)
+    own = float(np.std(design[:, 0] - design[:, 1:] @ np.linalg.lstsq(design[:, 1:], design[:, 0], rcond=None)[0]))
+    if own == 0:
+        return None
     kept = [np.concatenate([p for j, p in enumerate(pieces) if j != k]) for k in range(BLOCKS)]
     left_out = [np.linalg.lstsq(design[keep], y[keep], rcond=None)[0][0] for keep in kept]
-    scale = np.sqrt(np.mean(m.slope**2))
-    return float(np.mean(left_out) / scale), float(np.sqrt((BLOCKS - 1) * np.var(left_out)) / scale)
+    rest = float(np.std(y - design @ np.linalg.lstsq(design, y, rcond=None)[0]))
+    scale = float(np.sqrt(np.mean(m.slope**2)))
+    value, own = float(np.mean(left_out)) / scale, own * scale
+    bias = rest / own + abs(value) * (m.slope_noise / own) ** 2
+    return Inertia(value, float(np.sqrt((BLOCKS - 1) * np.var(left_out))) / scale, bias)
 
 
 def _correlation(a: Vector, b: Vector) -> float:

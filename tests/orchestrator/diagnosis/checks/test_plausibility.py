@@ -128,17 +128,18 @@ def test_a_run_that_excites_nothing_is_said(look: Callable[..., list[Suspicion]]
     assert found.kind == "not excited"
 
 
-def spun(name: str, J: float) -> Recording:
-    """J dw/dt = tau - d w: a shaft under a torque that was recorded, logged with noise."""
+def spun(name: str, J: float, tau_C: float = 0.0, share: float = 1.0, noise: float = 0.01) -> Recording:
+    """J dw/dt = tau - tau_C sgn(w) - d w: a shaft under a torque that was recorded, logged with noise."""
     rng, step = np.random.default_rng(5), 1e-3
     t = np.arange(8000) * step
-    tau = 0.5 * np.sin(2 * np.pi * 0.7 * t) + 0.3 * np.sin(2 * np.pi * 2.3 * t)
+    tau = share * (0.5 * np.sin(2 * np.pi * 0.7 * t) + 0.3 * np.sin(2 * np.pi * 2.3 * t))
+    tau = tau + tau_C * np.sign(tau)
     w = np.zeros_like(t)
     for k in range(len(t) - 1):
-        w[k + 1] = w[k] + step * (tau[k] - 0.05 * w[k]) / J
+        w[k + 1] = w[k] + step * (tau[k] - tau_C * np.tanh(w[k] / 0.02) - 0.05 * w[k]) / J
     logged = {"tau": tau + rng.normal(0, 1e-3, len(t))}
     return Recording(
-        name, "train", "default", t, logged, {"w": w + rng.normal(0, 0.01, len(t))}, {"w": "rad/s", "tau": "N.m"}
+        name, "train", "default", t, logged, {"w": w + rng.normal(0, noise, len(t))}, {"w": "rad/s", "tau": "N.m"}
     )
 
 
@@ -148,6 +149,14 @@ def test_an_inertia_that_differs_by_run_is_said_and_one_that_does_not_is_not() -
     assert (found.kind, found.recording) == ("inertia differs", "a, b")
     a, b = (float(x) for x in re.findall(r"(\S+) in [ab]", found.evidence))
     assert (a, b) == (pytest.approx(0.02, rel=0.02), pytest.approx(0.03, rel=0.02))
+
+
+def test_a_slow_run_beside_quick_ones_has_no_other_inertia_and_quick_ones_that_differ_are_still_said() -> None:
+    slow, quick = (spun(name, 0.02, 0.05, share, noise=0.02) for name, share in (("slow", 0.1), ("quick", 1.0)))
+    assert suspicions([slow, quick]) == []
+    (found,) = suspicions([slow, quick, spun("heavy", 0.03, 0.05, noise=0.02)])
+    assert found.kind == "inertia differs"
+    assert "heavy" in found.recording
 
 
 def test_the_usual_factor_nearest_in_size_is_named() -> None:

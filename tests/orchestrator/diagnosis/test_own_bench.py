@@ -199,6 +199,10 @@ def test_a_torque_that_drives_a_system_without_inputs_is_guessed_onto_its_shaft(
     text = (tmp_path / "first/campaign.toml").read_text()
     assert '"tau [N.m]" = "load.tau"   # guess: by its name\n' in text
     assert '# "phi [rad]" = "load.phi"' in text
+    (tmp_path / "first/campaign.toml").write_text(text.replace('"tau [N.m]"', '# "tau [N.m]"'))
+    done = cobot_joint("diagnose", "first/campaign.toml", "--out", "found")
+    assert (done.returncode, "one of its inputs is needed in [channels]: load.tau\n" in done.stderr) == (2, True)
+    (tmp_path / "first/campaign.toml").write_text(text)
     assert set(load_campaign(tmp_path / "first").train[0].inputs) == {"load.tau"}
 
 

@@ -10,6 +10,7 @@ from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.suspicion import Suspicion
 from cobot_joint.diagnosis.plant.simulator import Simulator
 from cobot_joint.errors import UserError, among
+from cobot_joint.system.wiring import driving
 
 RATIO = ".ratio.N"  # how a gear's ratio is named in every unit that has one
 
@@ -45,7 +46,8 @@ def _driven(campaign: Campaign, simulate: Simulator) -> None:
         return
     if any(np.ptp(y) > 0 for r in campaign.train for n, y in simulate(r).items() if n in r.outputs):
         return
-    offered = sorted({name for system in campaign.systems().values() for name in system.inputs})
+    systems = campaign.systems().values()
+    offered = sorted({name for system in systems for name in system.inputs or driving(system)})
     raise UserError(
         f"{campaign.path}: no column drives the system, and by itself it rests; one of its inputs is needed in "
         f"[channels]: {among(offered) if offered else 'it has none, `component.variable` names one of a component'}"

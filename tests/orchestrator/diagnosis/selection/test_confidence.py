@@ -8,7 +8,7 @@ from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.selection.confidence import MOST, beside_background
 
 
-def test_beside_a_background_a_listed_term_is_a_claim_from_three_quarters_on_and_no_list_s_from_four_fifths() -> None:
+def test_beside_a_background_three_quarters_make_a_listed_term_a_claim_and_four_fifths_an_unlisted_form() -> None:
     assert beside_background(0.74) < thresholds.EVEN < beside_background(0.76)
     assert beside_background(0.80, unlisted=True) < thresholds.EVEN < beside_background(0.83, unlisted=True)
 

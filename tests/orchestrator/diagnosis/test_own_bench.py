@@ -18,6 +18,7 @@ from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.diagnosis.data.recording import Connector
 from cobot_joint.diagnosis.drafts.campaign_text import guess
 from cobot_joint.diagnosis.drafts.chain import chain, with_data_sheet, write_readable
+from cobot_joint.system import load_system
 from cobot_joint.system.model import Inputs
 
 T = np.arange(4000) * 1e-3
@@ -222,39 +223,43 @@ def test_tolerances_that_are_drafted_are_those_of_the_part(tmp_path: Path, cobot
         assert not any("90 %" in value for value in given.values())
 
 
-def test_dry_friction_may_be_sharper_than_its_unit_assumes_in_what_is_drafted(
+def test_dry_friction_of_what_is_drafted_sticks_or_may_be_sharper_than_its_unit_assumes(
     tmp_path: Path, cobot_joint: Callable[..., Done]
 ) -> None:
-    assert cobot_joint("new", "--chain", "motor,load", "--out", "axis").returncode == 0
+    assert cobot_joint("new", "--chain", "motor,gear,load", "--out", "axis").returncode == 0
     log(tmp_path, "run.csv", {"t [s]": T, "v_command [V]": np.sin(3 * T), "i_motor [A]": np.cos(3 * T)})
     assert cobot_joint("inspect", "run.csv", "--system", "axis/system.ssd", "--out", "first").returncode == 0
+    system = load_system(tmp_path / "axis/system.ssd")
+    assert [system.component(name).parameters["friction.law"] for name in ("motor", "load")] == [2, 2]
     for drafted in ("axis", "first"):
         text = (tmp_path / drafted / "campaign.toml").read_text()
-        assert '"motor.friction.w_C" = [0.02, 1]   # guess: real dry friction holds at rest' in text
-        assert '"load.friction.w_C"' not in text  # the load has no dry friction
+        assert '"gear.friction.w_C" = [0.02, 1]   # guess: real dry friction holds at rest' in text
+        assert '"motor.friction.w_C"' not in text  # which has no say where friction sticks
 
 
 @pytest.mark.long
-def test_of_a_healthy_motor_whose_friction_sticks_nothing_is_named(
-    tmp_path: Path, cobot_joint: Callable[..., Done]
+@pytest.mark.parametrize(("cogging", "named"), [(0.0, []), (1.6e-3, ["motor.cogging"])])
+def test_of_a_motor_whose_friction_sticks_its_cogging_is_named_and_else_nothing(
+    tmp_path: Path, cobot_joint: Callable[..., Done], cogging: float, named: list[str]
 ) -> None:
     sheet = {"motor.friction.tau_C": "5 mN.m", "motor.J": "121 gcm2"}
     words = [word for name, value in sheet.items() for word in ("--set", f"{name}={value}")]
     assert cobot_joint("new", "--chain", "motor", *words, "--out", "machine").returncode == 0
     motor = with_data_sheet(chain(["motor"]), sheet).system
+    concealed = {"motor.friction.law": 2, "motor.cogging.A": cogging, "motor.cogging.n": 24}
     rng, t = np.random.default_rng(3), np.arange(6001) * 1e-3
     for name in ("run1.csv", "run2.csv"):
         v = np.interp(t, np.linspace(0, 6, 13), np.r_[0.0, rng.uniform(-1.5, 1.5, 11), 0.0])
         with Simulation(motor) as simulation:
-            experiment = Experiment(Inputs(t, {"v_command": v}), 6.0, parameters={"motor.friction.law": 2})
+            experiment = Experiment(Inputs(t, {"v_command": v}), 6.0, parameters=concealed)
             run = simulation.run(replace(experiment, record=["i_motor", "w_motor"])).signals
         i, w = run["i_motor"] + rng.normal(0, 4e-3, len(t)), run["w_motor"] + rng.normal(0, 0.15, len(t))
         log(tmp_path, name, {"t [s]": t, "u [V]": v, "i [A]": i, "w [rad/s]": w})
-    assert (
-        cobot_joint("inspect", "run1.csv", "run2.csv", "--system", "machine/system.ssd", "--out", "f").returncode == 0
-    )
+    drafted = cobot_joint("inspect", "run1.csv", "run2.csv", "--system", "machine/system.ssd", "--out", "f")
+    assert drafted.returncode == 0
     assert cobot_joint("diagnose", "f/campaign.toml", "--out", "answer").returncode == 0
-    assert json.loads((tmp_path / "answer/diagnosis.json").read_text())["findings"] == []
+    found = json.loads((tmp_path / "answer/diagnosis.json").read_text())["findings"]
+    assert [f["term"] for f in found if f["confidence"] >= 0.5] == named
 
 
 def test_a_campaign_that_nothing_drives_is_refused(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.order_spectrum import clearest_between, order_spectrum
@@ -17,6 +18,7 @@ from cobot_joint.diagnosis.plant.plant import Port, Signals
 
 ORDERS = tuple(float(n) for n in range(1, 49))  # periods per turn that are looked for
 BETWEEN = 12.0  # up to which one that is no whole number is looked for
+LOW = 2  # order, up to which a wave is tried though a shaft turns too little for a spectrum
 FEW, MORE = 2, 4  # waves that are tried at every port, and at those where the residual points
 LOADS = 2  # of a unit's torques and currents that forms are made of
 COLLINEAR = 0.97  # correlation from which on two loads are one
@@ -97,13 +99,24 @@ class Dictionary:
 
     @cached_property
     def waves(self) -> list[Wave]:
-        """Orders of the port's angles that stand out of the residual, clearest first."""
+        """Orders of the port's angles that stand out of the residual, clearest first; before them what no spectrum
+        resolves, of a shaft that turns once or twice: its forms have to say."""
         found: list[tuple[float, Wave]] = []
         for name in self.port.angles:
             orders = self._orders(name)
-            power, _ = order_spectrum(self.problem, self.residual, name, self.outputs, orders)
-            found += [(float(p), (_short(name), n)) for n, p in zip(orders, power, strict=True) if p > 0]
-        return [wave for _, wave in sorted(found, reverse=True)]
+            for turning in (False, True):
+                power, windows = order_spectrum(
+                    self.problem, self.residual, name, self.outputs, orders, turning=turning
+                )
+                power[self._unresolved(name, np.asarray(orders), windows)] = np.inf
+                found += [(float(p), (_short(name), n)) for n, p in zip(orders, power, strict=True) if p > 0]
+        found.sort(key=lambda each: (-each[0], each[1][1]))
+        return list(dict.fromkeys(wave for _, wave in found))
+
+    def _unresolved(self, angle: str, orders: Vector, windows: Vector) -> NDArray[np.bool_]:
+        """Low orders of which no window of a spectrum holds enough, and a recording half a period at least."""
+        travelled = max(float(np.ptp(o[angle])) for o in self.outputs if angle in o)
+        return (windows == 0) & (orders <= LOW) & (orders * travelled > np.pi)
 
     def _orders(self, angle: str) -> list[float]:
         """Whole ones, and the clearest that is none, with its double, in place of the one in which it shows as well."""

@@ -39,8 +39,9 @@ class Part:
 
 
 FRICTION = {"friction.tau_C": "30 %", "friction.d": "30 %"}
+STICKS: Mapping[str, Value] = {"friction.law": 2}  # as real dry friction does; a motor's cogging was not found without
 SHARPEST = 0.02  # of the assumed w_C: dry friction that holds at rest is as good as met there, and not too stiff yet
-BODY = ("body.J", "friction.tau_C", "friction.d", "friction.w_C")
+BODY = ("body.J", "friction.tau_C", "friction.d")
 PARTS: dict[str, Part] = {
     "loop": Part(
         "position_loop", "servo controller of the motor, fed back from its shaft",
@@ -53,7 +54,7 @@ PARTS: dict[str, Part] = {
         data_sheet=("winding.R", "winding.L", "winding.k", "rotor.J", "friction.tau_C", "friction.d",
                     "drive.v_max", "drive.i_peak", "drive.w_max"),
         feeds={"v_command": ("set_value", "set value of the drive")},
-        shows={"i_motor": ("i", "motor current"), "w_motor": ("w", "motor speed")},
+        values=STICKS, shows={"i_motor": ("i", "motor current"), "w_motor": ("w", "motor speed")},
         fits={"winding.R": "5 %", "winding.k": "3 %", "rotor.J": "4 %"} | FRICTION,
     ),
     "motion": Part(
@@ -98,23 +99,23 @@ PARTS: dict[str, Part] = {
     ),
     "load": Part(
         "driven_load", "turning load", before=("phi", "w", "tau"), moves=("before",), data_sheet=BODY,
-        shows={"w_load": ("w", "speed of the load")}, fits={"body.J": "10 %"} | FRICTION,
+        values=STICKS, shows={"w_load": ("w", "speed of the load")}, fits={"body.J": "10 %"} | FRICTION,
     ),
     "link": Part(
         "link", "link of a robot", before=("phi_p", "w_p", "tau_s"), moves=("before",),
-        data_sheet=("arm.J_l", "arm.m", "arm.r", "friction.tau_C", "friction.d"),
+        data_sheet=("arm.J_l", "arm.m", "arm.r", "friction.tau_C", "friction.d"), values=STICKS,
         shows={"phi_link": ("phi_p", "angle of the link"), "w_link": ("w_p", "speed of the link")},
         fits={"arm.m": "5 %", "arm.r": "5 %"} | FRICTION,
     ),
     "pendulum": Part(
         "driven_load", "pendulum", before=("phi", "w", "tau"), moves=("before",),
-        values={"gravity.g": 9.80665, "body.m": 0.5, "body.r": 0.1},
+        values={"gravity.g": 9.80665, "body.m": 0.5, "body.r": 0.1, **STICKS},
         data_sheet=("body.m", "body.r", *BODY), shows={"phi_load": ("phi", "angle of the pendulum")},
         fits={"body.m": "5 %"} | FRICTION,
     ),
     "screw": Part(
         "driven_load", "carriage on a screw or belt", before=("phi", "w", "tau"), moves=("before",),
-        values={"body.lead": 8e-4, "body.m": 5.0, "body.J": 1e-5, "friction.w_C": 1.0},
+        values={"body.lead": 8e-4, "body.m": 5.0, "body.J": 1e-5, **STICKS},
         data_sheet=("body.lead", "body.m", *BODY), shows={"s": ("s", "displacement of the carriage")},
         fits={"body.m": "10 %"} | FRICTION,
     ),
@@ -251,10 +252,11 @@ def _parameter(key: str, wanted: str, unit: Unit) -> str:
 
 
 def tolerances(component: Component, fits: Mapping[str, str]) -> dict[str, str]:
-    """Parameter -> how far off, as TOML: of those that are not 0, and of w_C, which no data sheet has."""
+    """Parameter -> how far off, as TOML: of those that are not 0, and, where dry friction changes its sign over w_C, of
+    that, which no data sheet has."""
     nominal = {n: float(component.parameters.get(n, component.unit.variables[n].start) or 0.0) for n in fits}
     lines = {n: f'"{off}"' for n, off in fits.items() if nominal[n] != 0.0}
-    if "friction.tau_C" in lines:
+    if "friction.tau_C" in lines and component.parameters.get("friction.law") != STICKS["friction.law"]:
         w_C = float(component.parameters.get("friction.w_C", component.unit.variables["friction.w_C"].start) or 0.0)
         why = "guess: real dry friction holds at rest, the unit's changes sign over w_C"
         lines["friction.w_C"] = f"[{SHARPEST * w_C:g}, {w_C:g}]   # {why}"

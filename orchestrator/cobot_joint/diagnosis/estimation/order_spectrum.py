@@ -35,9 +35,11 @@ def order_spectrum(
     signals: Sequence[Mapping[str, Vector]],
     orders: Sequence[float],
     width: int | None = None,
+    turning: bool = False,
 ) -> tuple[Vector, Vector]:
     """Per order n: sum over windows and channels of |projection on exp(j n phi)|^2 above its expectation; how many.
-    width: samples of a window; None: as many as the shaft needs for some turns.
+    width: samples of a window; None: as many as the shaft needs for some turns. turning: of what changes its sign with
+    the direction, as friction does: there and back cancel, else.
 
     A window counts where it holds `PERIODS` at least, below the Nyquist frequency; a phase that shifts with speed does
     no harm. signals: per recording, by name, (n,) each; runs without the angle do not count.
@@ -54,7 +56,11 @@ def order_spectrum(
         samples = len(signals[number][angle]) // width * width
         phi = signals[number][angle][:samples].reshape(-1, width)
         r = np.stack([residual[of_one][:samples].reshape(-1, width) for of_one in rows], axis=1)
-        r = detrend(r, axis=2) * taper if samples else r
+        if samples:
+            r = detrend(r, axis=2)
+            if turning:
+                r = detrend(r * np.sign(np.gradient(phi, axis=1))[:, None], axis=2)
+            r = r * taper
         turned, fastest = np.ptp(phi, axis=1), np.abs(np.diff(phi, axis=1)).max(axis=1, initial=0.0)
         for k, wave in enumerate(_waves(phi, n)):
             seen = (turned * n[k] > PERIODS * 2 * np.pi) & (fastest * n[k] < HIGHEST)

@@ -15,7 +15,9 @@ from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.estimation.calibrate import basis
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem
+from cobot_joint.diagnosis.explanation.closed_loop import chi2_in_closed_loop
 from cobot_joint.diagnosis.explanation.explanation import Explanation, sure_beside_background
+from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.selection.elimination import prune, worth_naming
 from cobot_joint.diagnosis.selection.outside import Outside
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
@@ -95,7 +97,22 @@ class BeyondTheList:
         least = max(thresholds.ALONE, taken) if self._beside_background else 0.0
         look = partial(look_for_unmodelled, self.problem, self.calibrated, self.listed, self.say, least)
         found = self.spend("formulas", look) if self.much else None
+        if found and self._fails_in_closed_loop(found):
+            found = None
         return (None, found) if found and found.as_good else (found, None)
+
+    def _fails_in_closed_loop(self, formula: Unmodelled) -> bool:
+        """Whether listed terms leave less than the formula does by the motion that it leads to: of a machine that
+        sticks, a formula along the recorded motion knows when, and took the place of Stribeck friction."""
+        if not self.listed.selected or not formula.goes_by_signals or self._is_lost(formula):
+            return False
+        if not isinstance(self.problem.plant, FmuPlant):
+            return False
+        left = chi2_in_closed_loop(self.problem, self.campaign.systems(), formula)
+        if left <= self.listed.fit.chi2:
+            return False
+        self.say(f"{formula.finding.term} by the motion that it leads to leaves more than listed terms do")
+        return True
 
     def _leaves_nothing(self, formula: Unmodelled) -> bool:
         """Whether it leaves no background, which a formula follows as well as an effect."""

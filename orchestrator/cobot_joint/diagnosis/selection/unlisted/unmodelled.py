@@ -153,7 +153,7 @@ def look_at_ports(
     places = pointed_to(problem, start, least, units)
     if not places:
         return _over_a_speed(problem, start, answer, say)
-    found = _best(places, answer)
+    found = _best(problem, places, answer)
     takes_all = found is not None and found.taken > thresholds.ENOUGH
     if not takes_all and places[0].points < least * (start.chi2 - problem.samples):
         return None
@@ -163,7 +163,7 @@ def look_at_ports(
             break
         for place in near:
             place.look_closer(problem, start, found)
-        closer = _best(places, answer)
+        closer = _best(problem, places, answer)
         if closer is None or (found is not None and closer.finding.gain < found.finding.gain):
             break
         little = found is not None and closer.finding.gain - found.finding.gain < thresholds.LEAST * (
@@ -209,11 +209,17 @@ def _settled(problem: Problem, start: Fit, places: Sequence[Place], found: Unmod
     return any(p.choice is not None and p.choice.gain > enough for p in places)
 
 
-def _best(places: Sequence[Place], answer: Answer) -> Unmodelled | None:
-    """That of the choice from which the Jacobian expects most."""
-    chosen = [(p.choice.gain, -k, p) for k, p in enumerate(places) if p.choice]
-    best = max(chosen, default=None)
-    return answer(best[-1].choice, at=best[-1].at) if best else None
+def _best(problem: Problem, places: Sequence[Place], answer: Answer) -> Unmodelled | None:
+    """That of the choice from which the Jacobian expects most, or, where this leaves what stands out, of one that comes
+    near, if it leaves less: behind a gear whose friction sticks the Jacobian sees little of what a load does."""
+    chosen = sorted(((p.choice.gain, -k, p) for k, p in enumerate(places) if p.choice), reverse=True)
+    best: Unmodelled | None = None
+    for gain, _, place in chosen[:2]:
+        if best and (gain < thresholds.NEAR_PORT * chosen[0][0] or not problem.stands_out(best.fit.residual)):
+            break
+        found = answer(place.choice, at=place.at)
+        best = found if best is None or (found is not None and found.fit.cost < best.fit.cost) else best
+    return best
 
 
 def _much_better(other: Unmodelled, than: Unmodelled | None) -> bool:
@@ -245,12 +251,20 @@ def first_forms(problem: Problem, start: Fit, dictionary: Dictionary, together: 
 
 
 def _distinguishable(places: Sequence[Place]) -> list[Place]:
-    """Of ports where the same signal does the same, the first."""
+    """Of ports where the same signal does the same, the first; of a load's torque and force the torque."""
     kept: list[Place] = []
     for place in places:
-        if not any(p.port.unit == place.port.unit and _alike(p.columns, place.columns) for p in kept):
+        twin = next((p for p in kept if _same_kind(p.port, place.port) and _alike(p.columns, place.columns)), None)
+        if twin is None:
             kept.append(place)
+        elif (twin.port.unit, place.port.unit) == ("N", "N.m"):
+            kept[kept.index(twin)] = place
     return kept
+
+
+def _same_kind(a: Port, b: Port) -> bool:
+    """Whether they take the same unit of measure, or are a torque and a force on one body."""
+    return a.unit == b.unit or (a.component == b.component and {a.unit, b.unit} == {"N.m", "N"})
 
 
 def _alike(a: Sequence[Column[Product]], b: Sequence[Column[Product]]) -> bool:

@@ -1,0 +1,48 @@
+"""A formula as the unit that would repair the system, going by the motion that it leads to, not by the recorded one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.estimation.problem import Problem
+from cobot_joint.diagnosis.plant.at_once import at_once
+from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
+from cobot_joint.diagnosis.plant.plant import Signals, SimulationError
+from cobot_joint.diagnosis.repair.export import with_correction
+from cobot_joint.diagnosis.repair.repair import correction
+from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
+from cobot_joint.system.model import System
+
+
+def chi2_in_closed_loop(problem: Problem, systems: Mapping[str, System], found: Unmodelled) -> float:
+    """Chi-square that free runs of the repaired system leave; infinite where it cannot be simulated.
+
+    The fit of a formula goes by the recorded motion: it knows when the machine stuck, and a simulated one may not.
+    """
+    shape = found.finding.shape
+    assert shape is not None
+    unit, run = correction(1, found.finding.to_json()), found.fit.run
+    there = [setup for setup, s in systems.items() if any(c.name == found.finding.component for c in s.components)]
+    with TemporaryDirectory() as folder:
+        with_it = {s: with_correction(systems[s], unit, _made(Path(folder) / str(k))) for k, s in enumerate(there)}
+        with FmuPlant({**systems, **with_it}) as plant:
+
+            def simulated(recording: Recording) -> Signals:
+                added = {p: x for p, x in run.added.get(recording.name, {}).items() if p != shape.port}
+                return plant.simulate(run.values, recording, onsets=run.onsets, added=added)
+
+            try:
+                outputs = at_once(simulated, problem.recordings)
+            except SimulationError:
+                return float("inf")
+    return float(np.sum((problem.recorded - problem.whiten(outputs)) ** 2))
+
+
+def _made(folder: Path) -> Path:
+    folder.mkdir()
+    return folder

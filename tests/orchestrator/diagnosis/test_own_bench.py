@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.interpolate import PchipInterpolator
 
 from cobot_joint.cli import main
 from cobot_joint.cosim import Experiment, Simulation
@@ -18,8 +19,10 @@ from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.diagnosis.data.recording import Connector
 from cobot_joint.diagnosis.drafts.campaign_text import guess
 from cobot_joint.diagnosis.drafts.chain import chain, with_data_sheet, write_readable
+from cobot_joint.diagnosis.plant.correction import formula_parameters
+from cobot_joint.diagnosis.repair.export import Correction, with_correction
 from cobot_joint.system import load_system
-from cobot_joint.system.model import Inputs
+from cobot_joint.system.model import Inputs, System
 
 T = np.arange(4000) * 1e-3
 
@@ -260,6 +263,65 @@ def test_of_a_motor_whose_friction_sticks_its_cogging_is_named_and_else_nothing(
     assert cobot_joint("diagnose", "f/campaign.toml", "--out", "answer").returncode == 0
     found = json.loads((tmp_path / "answer/diagnosis.json").read_text())["findings"]
     assert [f["term"] for f in found if f["confidence"] >= 0.5] == named
+
+
+def recorded(folder: Path, system: System, drive: str, peak: float, seconds: float, noise: dict[str, float]) -> None:
+    """Two logs of a machine, its drive between random values of up to a peak, and back."""
+    rng, t = np.random.default_rng(3), np.arange(0, seconds, 1e-3)
+    knots = np.linspace(0, seconds, int(2 * seconds) + 1)
+    for name in ("run1.csv", "run2.csv"):
+        wanted = peak * rng.uniform(0.2, 1.0, len(knots)) * (-1.0) ** np.arange(len(knots))
+        u = PchipInterpolator(knots, np.r_[0.0, wanted[1:-1], 0.0])(t)
+        with Simulation(system) as simulation:
+            run = simulation.run(Experiment(Inputs(t, {drive: u}), float(t[-1]), record=list(noise))).signals
+        columns = {f"{c} [{system.outputs[c].unit}]": run[c] + rng.normal(0, s, len(t)) for c, s in noise.items()}
+        log(folder, name, {"t [s]": t, f"{drive} [{system.inputs[drive].unit}]": u, **columns})
+
+
+def only_finding(tmp_path: Path, cobot_joint: Callable[..., Done]) -> tuple[str, str]:
+    """(name, formula) of the one claim about run1 and run2 of machine/system.ssd."""
+    drafted = cobot_joint("inspect", "run1.csv", "run2.csv", "--system", "machine/system.ssd", "--out", "f")
+    assert drafted.returncode == 0, drafted.stderr
+    assert cobot_joint("diagnose", "f/campaign.toml", "--out", "answer").returncode == 0
+    found = json.loads((tmp_path / "answer/diagnosis.json").read_text())["findings"]
+    (claim,) = [f for f in found if f["confidence"] >= 0.5]
+    return claim["term"], claim["shape"]["formula"]
+
+
+@pytest.mark.long
+def test_friction_over_the_angle_of_a_joint_that_turns_once_there_and_back_is_found(
+    tmp_path: Path, cobot_joint: Callable[..., Done]
+) -> None:
+    sheet = {"load.J": "0.01 kg.m2", "load.tau_C": "0.9 N.m", "load.d": "0.06 N.m.s/rad", "sensor.c_s": "960 N.m/rad"}
+    words = [word for name, value in sheet.items() for word in ("--set", f"{name}={value}")]
+    assert cobot_joint("new", "--chain", "motion,sensor,load", *words, "--out", "machine").returncode == 0
+    parameters, signals = formula_parameters([(-0.28, "sin(1*phi)*sgn(w)")])
+    own = tuple(f"load.{signal}" for signal in signals)
+    system = with_data_sheet(chain(["motion", "sensor", "load"]), sheet).system
+    machine = with_correction(system, Correction("rubs", "load.tau_add", own, parameters), tmp_path)
+    recorded(tmp_path, machine, "w", 6.0, 10.0, {"tau_sensor": 0.01})
+    name, formula = only_finding(tmp_path, cobot_joint)
+    assert name == "load.unlisted"
+    assert "sin(1*phi)*sgn(w)" in formula
+
+
+@pytest.mark.long
+def test_gravity_behind_a_gear_whose_friction_sticks_is_placed_at_the_load(
+    tmp_path: Path, cobot_joint: Callable[..., Done]
+) -> None:
+    sheet = {"motor.R": "0.214 Ohm", "motor.L": "0.084 mH", "motor.k": "23.2 mN.m/A", "motor.tau_C": "2.6 mN.m",
+             "motor.rotor.J": "64 gcm2", "gear.N": "30", "gear.mesh.c": "3100 N.m/rad", "gear.mesh.b": "0.009 rad",
+             "load.J": "0.0343 kg.m2", "load.tau_C": "0.05 N.m", "load.d": "0.01 N.m.s/rad",
+             "shaft.c_s": "400 N.m/rad", "shaft.d_s": "0.2 N.m.s/rad"}  # fmt: skip
+    words = [word for name, value in sheet.items() for word in ("--set", f"{name}={value}")]
+    assert cobot_joint("new", "--chain", "motor,gear,load", *words, "--out", "machine").returncode == 0
+    hanging = {"gravity.g": "9.81 m/s2", "body.m": "0.6 kg", "body.r": "0.2 m", "J": "0.0103 kg.m2"}
+    truth = sheet | {f"load.{name}": value for name, value in hanging.items()}
+    machine = with_data_sheet(chain(["motor", "gear", "load"]), truth).system
+    recorded(tmp_path, machine, "v_command", 5.0, 8.0, {"i_motor": 0.006, "w_motor": 0.3, "w_load": 0.02})
+    name, formula = only_finding(tmp_path, cobot_joint)
+    assert name == "load.unlisted"
+    assert "sin(1*phi)" in formula
 
 
 def test_a_campaign_that_nothing_drives_is_refused(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:

@@ -22,6 +22,7 @@ LOW = 2  # order, up to which a wave is tried though a shaft turns too little fo
 FEW, MORE = 2, 4  # waves that are tried at every port, and at those where the residual points
 LOADS = 2  # of a unit's torques and currents that forms are made of
 COLLINEAR = 0.97  # correlation from which on two loads are one
+TOGETHER = 0.05  # of an angle's travel, by which that of another may differ that a spring or a shaft joins to it
 FOLLOWS = 0.02  # of an angle's travel, to which the integral of its speed equals it
 WIDTHS = (1e-3, 1e-2, 5e-2)  # of a smoothed sign, over the largest speed
 DECAYS = (0.03, 0.1, 0.3)  # speeds over which friction falls, over the largest speed
@@ -97,6 +98,24 @@ class Dictionary:
         largest = max((float(np.max(np.abs(k.signals[name]))) for k in self.locals.values()), default=0.0)
         return float(f"{largest:.0e}")
 
+    def at(self, other: Dictionary, forms: Sequence[Product]) -> dict[Product, Feature]:
+        """The same forms by another unit's motion; empty where that does not turn as this one, or where they go by more
+        than motion."""
+        twins: dict[str, str] = {}
+        for angle in self.angles if other.locals else ():
+            twin = next((b for b in other.angles if abs(other.travel(b) / self.travel(angle) - 1) < TOGETHER), None)
+            if twin is not None:
+                twins[angle] = twin
+                if angle in self.speeds and twin in other.speeds:
+                    twins[self.speeds[angle]] = other.speeds[twin]
+        if any(s not in twins for form in forms for s in form.signals):
+            return {}
+        return other._values([form.renamed(twins) for form in forms])
+
+    def travel(self, angle: str) -> float:
+        """The largest in any run, rad; never 0."""
+        return max(float(np.ptp(k.signals[angle])) for k in self.locals.values()) or 1e-300
+
     @cached_property
     def waves(self) -> list[Wave]:
         """Orders of the port's angles that stand out of the residual, clearest first; before them what no spectrum
@@ -115,8 +134,7 @@ class Dictionary:
 
     def _unresolved(self, angle: str, orders: Vector, windows: Vector) -> NDArray[np.bool_]:
         """Low orders of which no window of a spectrum holds enough, and a recording half a period at least."""
-        travelled = max(float(np.ptp(o[angle])) for o in self.outputs if angle in o)
-        return (windows == 0) & (orders <= LOW) & (orders * travelled > np.pi)
+        return (windows == 0) & (orders <= LOW) & (orders * self.travel(_short(angle)) > np.pi)
 
     def _orders(self, angle: str) -> list[float]:
         """Whole ones, and the clearest that is none, with its double, in place of the one in which it shows as well."""

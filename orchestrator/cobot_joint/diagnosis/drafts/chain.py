@@ -40,6 +40,7 @@ class Part:
 
 FRICTION = {"friction.tau_C": "30 %", "friction.d": "30 %"}
 STICKS: Mapping[str, Value] = {"friction.law": 2}  # as real dry friction does; a motor's cogging was not found without
+TURNS: Mapping[str, Value] = {"body.lead": 0.0, **STICKS}  # what it has of a mass hangs on its shaft
 SHARPEST = 0.02  # of the assumed w_C: dry friction that holds at rest is as good as met there, and not too stiff yet
 BODY = ("body.J", "friction.tau_C", "friction.d")
 PARTS: dict[str, Part] = {
@@ -99,7 +100,7 @@ PARTS: dict[str, Part] = {
     ),
     "load": Part(
         "driven_load", "turning load", before=("phi", "w", "tau"), moves=("before",), data_sheet=BODY,
-        values=STICKS, shows={"w_load": ("w", "speed of the load")}, fits={"body.J": "10 %"} | FRICTION,
+        values=TURNS, shows={"w_load": ("w", "speed of the load")}, fits={"body.J": "10 %"} | FRICTION,
     ),
     "link": Part(
         "link", "link of a robot", before=("phi_p", "w_p", "tau_s"), moves=("before",),
@@ -109,7 +110,7 @@ PARTS: dict[str, Part] = {
     ),
     "pendulum": Part(
         "driven_load", "pendulum", before=("phi", "w", "tau"), moves=("before",),
-        values={"gravity.g": 9.80665, "body.m": 0.5, "body.r": 0.1, **STICKS},
+        values={"gravity.g": 9.80665, "body.m": 0.5, "body.r": 0.1, **TURNS},
         data_sheet=("body.m", "body.r", *BODY), shows={"phi_load": ("phi", "angle of the pendulum")},
         fits={"body.m": "5 %"} | FRICTION,
     ),

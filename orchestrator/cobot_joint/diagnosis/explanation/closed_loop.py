@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.problem import Problem
-from cobot_joint.diagnosis.plant.at_once import at_once
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
-from cobot_joint.diagnosis.plant.plant import Signals, SimulationError
 from cobot_joint.diagnosis.repair.export import with_correction
 from cobot_joint.diagnosis.repair.repair import correction
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
@@ -31,16 +29,10 @@ def chi2_in_closed_loop(problem: Problem, systems: Mapping[str, System], found: 
     with TemporaryDirectory() as folder:
         with_it = {s: with_correction(systems[s], unit, _made(Path(folder) / str(k))) for k, s in enumerate(there)}
         with FmuPlant({**systems, **with_it}) as plant:
-
-            def simulated(recording: Recording) -> Signals:
-                added = {p: x for p, x in run.added.get(recording.name, {}).items() if p != shape.port}
-                return plant.simulate(run.values, recording, onsets=run.onsets, added=added)
-
-            try:
-                outputs = at_once(simulated, problem.recordings)
-            except SimulationError:
-                return float("inf")
-    return float(np.sum((problem.recorded - problem.whiten(outputs)) ** 2))
+            others = {r: {p: x for p, x in ports.items() if p != shape.port} for r, ports in run.added.items()}
+            repaired = Problem(plant, problem.recordings, problem.noise, problem.jobs)
+            (simulated,) = repaired.simulate([replace(run, added=others)])
+    return float(np.sum((problem.recorded - simulated.white) ** 2)) if simulated else float("inf")
 
 
 def _made(folder: Path) -> Path:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +75,10 @@ class Product:
     def signals(self) -> tuple[str, ...]:
         """That it depends on, the time not among them."""
         return tuple(dict.fromkeys(f.signal for f in self.factors if f.signal != TIME))
+
+    def renamed(self, names: Mapping[str, str]) -> Product:
+        """The same over other signals; those without another name, and the time, stay."""
+        return Product(tuple(replace(f, signal=names.get(f.signal, f.signal)) for f in self.factors))
 
     def of(self, signals: Mapping[str, NDArray[np.float64]], time: NDArray[np.float64]) -> NDArray[np.float64]:
         """Its values, (n,). signals: name -> (n,); time: since the run began, s."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cobot_joint.diagnosis.candidates.formulas import Dictionary
+from cobot_joint.diagnosis.candidates.formulas import Dictionary, Local
 from cobot_joint.diagnosis.candidates.tables import over_any
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
 from cobot_joint.diagnosis.estimation.noise import Noise
 from cobot_joint.diagnosis.estimation.problem import Problem, Run
-from cobot_joint.diagnosis.plant.correction import Product, parse
+from cobot_joint.diagnosis.plant.correction import Factor, Product, parse
 from cobot_joint.diagnosis.plant.plant import Port
 from tests.orchestrator.diagnosis.axis import NOISE, Axis, campaign
 from tests.orchestrator.diagnosis.bench import calibrated
@@ -45,6 +45,32 @@ def test_a_units_speed_and_loads_are_found_whatever_they_are_called() -> None:
     assert {"1", "M", "M^2", "Drehzahl", "sgn(Drehzahl)", "abs(M)*sgn(Drehzahl)", "sin(3*Winkel)"} <= forms
     assert "sin(3*Winkel)*sgn(Drehzahl)" in forms
     assert {a.signal for a in over_any(found, 5)} == {"Drehzahl", "M", "Winkel", "t"}
+
+
+def test_forms_of_one_unit_are_those_of_another_by_its_own_motion_if_that_turns_as_far() -> None:
+    here, there = dictionary(), dictionary()
+    forms = [Product((Factor("Winkel", "sin", 1.0), Factor("Drehzahl", "u")))]
+    renamed = Port("arm.tau", "N.m", ("arm.q", "arm.qd"), ("arm.q",))
+    there.port, there.angles, there.speeds = renamed, ["q"], {"q": "qd"}
+
+    def behind(ratio: float) -> dict[str, Local]:
+        return {
+            name: Local({"q": k.signals["Winkel"] / ratio, "qd": k.signals["Drehzahl"] / ratio}, k.time)
+            for name, k in here.locals.items()
+        }
+
+    there.locals = behind(1.0)
+    assert [str(form) for form in here.at(there, forms)] == ["sin(1*q)*qd"]
+    assert here.at(there, [Product((Factor("M", "u"),))]) == {}  # a torque is none of its motion
+    there.locals = behind(30.0)
+    assert here.at(there, forms) == {}
+
+
+def test_of_a_shaft_that_turns_too_little_for_a_spectrum_the_lowest_orders_are_tried_all_the_same() -> None:
+    found = dictionary()
+    for outputs in found.outputs:
+        outputs["axis.Winkel"] = 3.0 * np.sin(0.02 * np.arange(len(outputs["axis.Winkel"])))
+    assert found.waves == [("Winkel", 1.0), ("Winkel", 2.0)]
 
 
 def test_a_form_reads_back_as_what_it_was_made_of_and_has_its_values() -> None:

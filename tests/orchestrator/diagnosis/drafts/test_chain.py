@@ -94,6 +94,19 @@ def test_a_servo_loop_with_an_integrator_holds_its_goal_against_friction(tmp_pat
     assert run["v_command"][0] == pytest.approx(0.1 * 20 * 2.0)
 
 
+def test_a_pendulum_swings_as_its_mass_and_arm_say(tmp_path: Path) -> None:
+    """w_0^2 = m g r/(J + m r^2), let go at a small angle: at half a period it has reached the other side."""
+    sheet = {"pendulum__m": "0.6 kg", "pendulum__r": "0.2 m", "pendulum__J": "0.0103 kg.m2"}
+    made(tmp_path, "pendulum", **sheet)
+    system = load_system(tmp_path / "system.ssd")
+    half = np.pi * np.sqrt((0.0103 + 0.6 * 0.2**2) / (0.6 * 9.80665 * 0.2))
+    t = np.linspace(0, half, 101)
+    with Simulation(system) as simulation:
+        experiment = Experiment(Inputs(t, {"tau": 0 * t}), half, parameters={"pendulum.phi": 0.01}, record=["phi_load"])
+        run = simulation.run(experiment).signals
+    assert run["phi_load"][-1] == pytest.approx(-0.01, rel=1e-3)
+
+
 def test_the_file_says_what_every_value_is_and_in_which_unit(tmp_path: Path) -> None:
     made(tmp_path, "motor")
     text = (tmp_path / "system.ssd").read_text()

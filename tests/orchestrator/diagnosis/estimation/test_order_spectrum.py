@@ -36,6 +36,17 @@ def test_a_wave_over_a_fast_or_a_slow_shaft_stands_out_at_its_order(w: float, or
     assert power[order - 1] > 6 * np.sqrt(windows[order - 1])
 
 
+def test_what_turns_with_the_direction_stands_out_where_a_shaft_goes_there_and_back() -> None:
+    """A friction of 0.3 over the angle: in the residual itself one way takes from the order what the other gave it"""
+    t = np.arange(0, 48, 1e-3)
+    phi = 8 * np.sin(2 * np.pi * t / 0.5)
+    r = np.random.default_rng(1).normal(size=len(t)) + 0.3 * np.sin(2 * phi) * np.sign(np.gradient(phi))
+    problem: Any = SimpleNamespace(blocks=[SimpleNamespace(recording=0, rows=slice(0, len(t)))])
+    plain, turning = (order_spectrum(problem, r, "phi", [{"phi": phi}], ORDERS, turning=x)[0] for x in (False, True))
+    assert ORDERS[int(np.argmax(turning))] == 2
+    assert turning[1] > 3 * plain[1]
+
+
 def test_noise_alone_shows_no_order() -> None:
     power, windows = spectrum(40.0, 1, 0.0)
     assert np.all(np.abs(power) < 6 * np.sqrt(np.maximum(windows, 1)))

@@ -153,7 +153,7 @@ def look_at_ports(
     places = pointed_to(problem, start, least, units)
     if not places:
         return _over_a_speed(problem, start, answer, say)
-    found = _best(problem, places, answer)
+    found = _best(problem, start, places, answer)
     takes_all = found is not None and found.taken > thresholds.ENOUGH
     if not takes_all and places[0].points < least * (start.chi2 - problem.samples):
         return None
@@ -163,7 +163,7 @@ def look_at_ports(
             break
         for place in near:
             place.look_closer(problem, start, found)
-        closer = _best(problem, places, answer)
+        closer = _best(problem, start, places, answer)
         if closer is None or (found is not None and closer.finding.gain < found.finding.gain):
             break
         little = found is not None and closer.finding.gain - found.finding.gain < thresholds.LEAST * (
@@ -209,17 +209,43 @@ def _settled(problem: Problem, start: Fit, places: Sequence[Place], found: Unmod
     return any(p.choice is not None and p.choice.gain > enough for p in places)
 
 
-def _best(problem: Problem, places: Sequence[Place], answer: Answer) -> Unmodelled | None:
-    """That of the choice from which the Jacobian expects most, or, where this leaves what stands out, of one that comes
-    near, if it leaves less: behind a gear whose friction sticks the Jacobian sees little of what a load does."""
+def _best(problem: Problem, start: Fit, places: Sequence[Place], answer: Answer) -> Unmodelled | None:
+    """That of the choice from which the Jacobian expects most. Where this leaves what stands out, of one that comes
+    near, or of the same forms at another unit, if it leaves less: behind a gear that sticks, or in its gap, the
+    Jacobian sees little of what a load does."""
     chosen = sorted(((p.choice.gain, -k, p) for k, p in enumerate(places) if p.choice), reverse=True)
     best: Unmodelled | None = None
     for gain, _, place in chosen[:2]:
         if best and (gain < thresholds.NEAR_PORT * chosen[0][0] or not problem.stands_out(best.fit.residual)):
             break
-        found = answer(place.choice, at=place.at)
-        best = found if best is None or (found is not None and found.fit.cost < best.fit.cost) else best
+        best = _less(best, answer(place.choice, at=place.at))
+    for port in problem.plant.ports:
+        if best is None or not problem.stands_out(best.fit.residual):
+            break
+        choice = _elsewhere(problem, start, chosen[0][2], port)
+        best = _less(best, answer(choice)) if choice else best
     return best
+
+
+def _less(a: Unmodelled | None, b: Unmodelled | None) -> Unmodelled | None:
+    """The one that leaves less."""
+    return min((x for x in (a, b) if x is not None), key=lambda found: found.fit.cost, default=None)
+
+
+def _elsewhere(problem: Problem, start: Fit, place: Place, port: Port) -> Choice[Product] | None:
+    """The forms chosen at one port, at another unit's that takes the same and turns as far; None: there are none, or
+    they do the same there."""
+    assert place.choice is not None
+    if port.component == place.port.component or not _same_kind(place.port, port):
+        return None
+    chosen = place.choice.columns
+    features = place.dictionary.at(Dictionary(problem, start, port), [c.form for c in chosen])
+    columns = respond(problem, start, port, features)
+    same = [same_direction(a.vector, b.vector, thresholds.COLLINEAR) for a, b in zip(chosen, columns, strict=False)]
+    if not features or len(columns) < len(chosen) or all(same):
+        return None
+    gain, coefficients = Projection(start, [c.vector for c in columns]).gain(list(range(len(columns))))
+    return Choice(tuple(columns), coefficients, gain)
 
 
 def _much_better(other: Unmodelled, than: Unmodelled | None) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,12 +19,13 @@ from cobot_joint.diagnosis.data.campaign import Campaign, load_campaign
 from cobot_joint.diagnosis.engine import diagnose_plant, identify
 from cobot_joint.diagnosis.estimation.calibrate import calibrate
 from cobot_joint.diagnosis.estimation.fit import Fit
-from cobot_joint.diagnosis.estimation.port_response import respond
+from cobot_joint.diagnosis.estimation.port_response import Column, respond
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector, one_blas_thread
 from cobot_joint.diagnosis.estimation.projection import Projection
 from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.plant.correction import Factor, Product
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
+from cobot_joint.diagnosis.plant.plant import Port
 from cobot_joint.diagnosis.repair.repair import repair
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.unlisted import held_against, unmodelled
@@ -86,6 +88,38 @@ def test_where_forms_fall_short_of_what_stands_out_a_table_over_the_speed_is_tri
     assert found.taken > thresholds.ALONE
     monkeypatch.setattr(Problem, "stands_out", lambda self, residual: False)
     assert look_at_ports(problem, calibrated, [], lambda words: None, thresholds.ALONE) is None
+
+
+@pytest.mark.parametrize(("gains", "out", "leave", "answer"), [
+    ((10.0, 8.0), True, (5.0, 1.0), 1),
+    ((10.0, 8.0), True, (1.0, 5.0), 0),
+    ((10.0, 8.0), False, (5.0, 1.0), 0),
+    ((10.0, 4.0), True, (5.0, 1.0), 0),
+])  # fmt: skip
+def test_where_the_best_port_leaves_what_stands_out_one_that_comes_near_is_fitted_as_well(
+    gains: tuple[float, float], out: bool, leave: tuple[float, float], answer: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Gravity behind a gear whose friction sticks was placed before it: small probes of a load are lost there."""
+    places: Any = [SimpleNamespace(choice=SimpleNamespace(gain=g, number=k), at=None) for k, g in enumerate(gains)]
+
+    nothing: Any = None
+
+    def fitted(choice: Any, at: Fit | None = None) -> Any:
+        return SimpleNamespace(number=choice.number, fit=SimpleNamespace(cost=leave[choice.number], residual=None))
+
+    problem: Any = SimpleNamespace(stands_out=lambda residual: out, plant=SimpleNamespace(ports=()))
+    found: Any = unmodelled._best(problem, nothing, places, fitted)
+    assert found.number == answer
+
+
+def test_of_a_torque_and_a_force_that_do_the_same_to_a_load_the_torque_is_named() -> None:
+    one = np.array([1.0, 2.0, 3.0])
+    force, torque, other = (Port("load.F_add", "N", ()), Port("load.tau_add", "N.m", ()), Port("motor.v_add", "V", ()))
+    places: Any = [
+        SimpleNamespace(port=port, columns=[Column(port, Product(), {}, size * one)])
+        for port, size in ((force, 1.0), (torque, 2.0), (other, 3.0))
+    ]
+    assert [place.port for place in unmodelled._distinguishable(places)] == [torque, other]
 
 
 def test_a_listed_term_that_leaves_what_stands_out_is_held_against_a_formula() -> None:

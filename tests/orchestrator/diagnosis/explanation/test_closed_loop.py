@@ -1,0 +1,78 @@
+"""A formula goes by the motion that it leads to once it is a unit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+
+from cobot_joint.cosim import Experiment, Simulation
+from cobot_joint.diagnosis.data.campaign import Campaign
+from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.drafts.chain import chain, with_data_sheet
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
+from cobot_joint.diagnosis.estimation.noise import Noise
+from cobot_joint.diagnosis.estimation.problem import Problem, Run
+from cobot_joint.diagnosis.explanation.beyond_the_list import BeyondTheList
+from cobot_joint.diagnosis.explanation.closed_loop import chi2_in_closed_loop
+from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
+from cobot_joint.diagnosis.plant.correction import Factor, Product, formula_parameters
+from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
+from cobot_joint.diagnosis.repair.export import Correction, with_correction
+from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
+from cobot_joint.system.model import Inputs, System
+
+DRAG, NOISE = -2e-4, 0.01  # N.m.s3/rad3, rad/s
+T = np.arange(0, 4, 1e-3)
+
+
+def drag(found: float) -> Finding:
+    feature = Feature(Product((Factor("w", "u3"),)), Estimate(found, "N.m", (found, found)))
+    shape = Form("load.tau_add", "N.m", ("load.w",), (feature,), 0.99)
+    return Finding("load.unlisted", (), 0.9, None, {}, {}, 1e4, shape=shape)
+
+
+def recorded(system: System, folder: Path) -> Recording:
+    """The load with a cubic drag, driven to some 10 rad/s."""
+    parameters, signals = formula_parameters([(DRAG, "w^3")])
+    own = tuple(f"load.{signal}" for signal in signals)
+    dragged = with_correction(system, Correction("drag", "load.tau_add", own, parameters), folder)
+    tau = 0.4 * np.sin(2 * T)
+    with Simulation(dragged) as simulation:
+        run = simulation.run(Experiment(Inputs(T, {"tau": tau}), float(T[-1]), record=["w_load"])).signals
+    w = run["w_load"] + np.random.default_rng(2).normal(0, NOISE, len(T))
+    units = {"tau": "N.m", "w_load": "rad/s"}
+    return Recording("run", "train", "", T, {"tau": tau}, {"w_load": w}, units)
+
+
+@pytest.mark.parametrize(("size", "holds"), [(DRAG, True), (3 * DRAG, False)])
+def test_a_formula_that_leaves_more_than_listed_terms_do_by_its_own_motion_is_no_answer(
+    size: float, holds: bool, tmp_path: Path
+) -> None:
+    system = with_data_sheet(chain(["load"]), {"load.J": "0.02 kg.m2", "load.d": "0.01 N.m.s/rad"}).system
+    recording = recorded(system, tmp_path)
+    systems = {"": system, "without it": chain(["pendulum"]).system}
+    sine = np.sin(2 * T)
+    units = {"tau": "N.m", "phi_load": "rad"}
+    other = Recording("other", "train", "without it", T, {"tau": sine}, {"phi_load": np.full(len(T), np.nan)}, units)
+    case = cast(Campaign, SimpleNamespace(systems=lambda: systems))
+    with FmuPlant(systems) as plant:
+        problem = Problem(plant, [recording, other], {"w_load": Noise(NOISE), "phi_load": Noise(1.0)})
+        (run,) = problem.simulate([Run()])
+        assert run is not None
+        hypothesis = Hypothesis(tolerances(problem, {"load.body.J": (0.018, 0.022)}))
+        base = Fit(hypothesis, np.zeros(1), 0.0, run.white, run, np.zeros((problem.rows, 1)), 0)
+        formula = Unmodelled(base, [], drag(size), 0.99)
+        left = chi2_in_closed_loop(problem, systems, formula)
+        assert (left < 1.2 * problem.samples) == holds
+        told: list[str] = []
+        listed = SimpleNamespace(selected=["load.windage"], fit=SimpleNamespace(chi2=2.0 * problem.samples))
+        asked = SimpleNamespace(
+            listed=listed, problem=problem, campaign=case, say=told.append, _is_lost=lambda found: False
+        )
+        assert BeyondTheList._fails_in_closed_loop(cast(BeyondTheList, asked), formula) is not holds
+    assert bool(told) is not holds

@@ -39,7 +39,7 @@ class Part:
 
 
 FRICTION = {"friction.tau_C": "30 %", "friction.d": "30 %"}
-STICKS: Mapping[str, Value] = {"friction.law": 2}  # as real dry friction does; a motor's cogging was not found without
+STICKS: Mapping[str, Value] = {"friction.law": 2}  # as real dry friction does
 TURNS: Mapping[str, Value] = {"body.lead": 0.0, **STICKS}  # what it has of a mass hangs on its shaft
 SHARPEST = 0.02  # of the assumed w_C: dry friction that holds at rest is as good as met there, and not too stiff yet
 BODY = ("body.J", "friction.tau_C", "friction.d")

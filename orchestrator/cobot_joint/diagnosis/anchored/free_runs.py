@@ -33,7 +33,7 @@ def in_free_runs(problem: Problem, found: Diagnosis, search: Search, refit: Fit,
         found.verdict = "undecided" if problem.stands_out(refit.residual) else "nothing_missing"
         return found
     onsets = {n.candidate.term.amplitude: n.candidate.onset for n in search.named if n.candidate.onset is not None}
-    free = _freely(problem, search, refit)
+    free = freely(problem, search, refit)
     if free is not None and free.chi2 < _left(problem, found.parameters("repaired"), onsets):
         found.repaired = free.estimates(units, problem.stretches(free.residual))
         found.findings = [
@@ -97,7 +97,7 @@ def _left(problem: Problem, values: Mapping[str, float], onsets: Mapping[str, fl
     return np.inf if runs is None else float(np.sum((problem.recorded - runs.white) ** 2))
 
 
-def _freely(problem: Problem, search: Search, refit: Fit) -> Fit | None:
+def freely(problem: Problem, search: Search, refit: Fit) -> Fit | None:
     """The re-fitted base model with the terms that the recorded motion named, from where it has them, all free.
 
     None: one of them is a base parameter, or they cannot be simulated.

@@ -9,7 +9,7 @@ from operator import attrgetter
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.follow import can_follow, follow, motion_is_given, where_it_lies
-from cobot_joint.diagnosis.anchored.free_runs import beside_listed, felt
+from cobot_joint.diagnosis.anchored.free_runs import beside_listed, felt, freely
 from cobot_joint.diagnosis.anchored.search import Search, confidence
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.estimation.calibrate import basis
@@ -67,6 +67,8 @@ class BeyondTheList:
         lost = outdone and bool(formula and formula.is_wave)
         found = self._along_the_motion(outdone, lost)
         lost = lost and not self._outdoes_claimed(formula, found)
+        if found and (better := self._from_the_motion(found, formula)):
+            return better
         if found and self.takes_most:
             if (lost or not formula) and (both := beside_listed(self.problem, self.listed, found)):
                 return Explanation(self.calibrated, both[0], self.listed, both[1], anchored=found, rival=rival)
@@ -166,6 +168,22 @@ class BeyondTheList:
         """Whether the motion names one of the listed terms that stand, other than those that stay with a formula."""
         heard = self._stands if self.takes_most else self._stands[:1]
         return any(found.supports(s.term) for s in heard if s.term not in staying(formula))
+
+    def _from_the_motion(self, found: Search, formula: Unmodelled | None) -> Explanation | None:
+        """The listed terms, fitted from where the motion has them, where that leaves less: free runs that drift had
+        cogging at another order. None: it names others, or a formula outdoes that."""
+        selected = self.listed.selected
+        if not selected or {n.name for n in found.named} != {s.term for s in selected}:
+            return None
+        fit = freely(self.problem, found, self.calibrated)
+        if fit is None or self.listed.fit.cost - fit.cost < self.problem.evidence:
+            return None
+        if formula and formula.is_likely and formula.outdoes(self.problem, fit):
+            return None
+        more = (self.listed.fit.cost - fit.cost) / len(selected)
+        selected = [replace(s, gain=s.gain + more, alike={}) for s in selected]
+        listed = replace(self.listed, history=[*self.listed.history[:-1], fit], selected=selected)
+        return Explanation(self.calibrated, fit, listed, selected, anchored=found)
 
     def _claims(self, found: Search | None, formula: Unmodelled) -> bool:
         """Whether the motion claims a term other than those that stay with a formula; where it was not asked, whether

@@ -68,7 +68,7 @@ def test_what_stands_out_and_has_no_name_is_not_called_nothing(stands_out: bool,
 def test_a_repair_is_the_fit_that_leaves_less_of_free_runs(
     left_free: float, kept: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(free_runs, "_freely", lambda *_: refit(left_free))
+    monkeypatch.setattr(free_runs, "freely", lambda *_: refit(left_free))
     after = free_runs.in_free_runs(problem(3.0), found("a.term"), Search(), refit(4.0), {})
     assert after.repaired["a.b"].value == kept
 

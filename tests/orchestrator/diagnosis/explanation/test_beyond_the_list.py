@@ -72,6 +72,25 @@ def test_where_terms_explain_down_to_the_noise_the_motion_is_not_asked(monkeypat
     ]
 
 
+@pytest.mark.parametrize(("named", "leaves", "better"), [
+    ("axis.cogging", 0.5, True), ("axis.cogging", 2.0, False), ("axis.windage", 0.5, False),
+])  # fmt: skip
+def test_a_listed_term_that_free_runs_fit_worse_than_from_where_the_motion_has_it_is_fitted_from_there(
+    named: str, leaves: float, better: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A motor's cogging of order 24 was one of order 22 where its angle was logged, and free runs drift."""
+    fit = cast(Fit, SimpleNamespace(cost=1e6 * leaves))
+    monkeypatch.setattr(beyond, "freely", lambda problem, found, refit: fit)
+    before = cast(Fit, SimpleNamespace(cost=1e6))
+    listed = Selection([cast(Fit, SimpleNamespace(cost=9e6)), before], [Selected("axis.cogging", 8e6, {"other": 1.0})])
+    asked = SimpleNamespace(listed=listed, calibrated=listed.history[0], problem=SimpleNamespace(evidence=500.0))
+    search = cast(Search, SimpleNamespace(named=[SimpleNamespace(name=named)]))
+    found = beyond.BeyondTheList._from_the_motion(cast(beyond.BeyondTheList, asked), search, None)
+    assert (found is not None) == better
+    if found is not None:
+        assert (found.fit, found.selected) == (fit, [Selected("axis.cogging", 8.5e6)])
+
+
 @pytest.mark.parametrize("claimed", [True, False])
 def test_a_claim_along_the_recorded_motion_is_not_held_against_a_data_sheet(
     claimed: bool, monkeypatch: pytest.MonkeyPatch

@@ -170,9 +170,9 @@ class BeyondTheList:
         return any(found.supports(s.term) for s in heard if s.term not in staying(formula))
 
     def _from_the_motion(self, found: Search, formula: Unmodelled | None) -> Explanation | None:
-        """The listed terms, fitted from where the motion has them, where that leaves less: free runs that drift had
-        cogging at another order. None: it names others, or a formula outdoes that."""
-        selected = self.listed.selected
+        """The listed terms that take most, fitted from where the motion has them, where that leaves less: free runs
+        that drift had cogging at another order. None: it names others, or a formula outdoes that."""
+        selected = self.listed.selected if self.takes_most else []
         if not selected or {n.name for n in found.named} != {s.term for s in selected}:
             return None
         fit = freely(self.problem, found, self.calibrated)

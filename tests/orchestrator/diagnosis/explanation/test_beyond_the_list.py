@@ -84,6 +84,7 @@ def test_a_listed_term_that_free_runs_fit_worse_than_from_where_the_motion_has_i
     before = cast(Fit, SimpleNamespace(cost=1e6))
     listed = Selection([cast(Fit, SimpleNamespace(cost=9e6)), before], [Selected("axis.cogging", 8e6, {"other": 1.0})])
     asked = SimpleNamespace(listed=listed, calibrated=listed.history[0], problem=SimpleNamespace(evidence=500.0))
+    asked.takes_most = True
     search = cast(Search, SimpleNamespace(named=[SimpleNamespace(name=named)]))
     found = beyond.BeyondTheList._from_the_motion(cast(beyond.BeyondTheList, asked), search, None)
     assert (found is not None) == better

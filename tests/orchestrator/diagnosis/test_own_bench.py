@@ -14,6 +14,7 @@ from scipy.interpolate import PchipInterpolator
 
 from cobot_joint.cli import main
 from cobot_joint.cosim import Experiment, Simulation
+from cobot_joint.diagnosis.checks.inspection import inspect_log
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.diagnosis.data.recording import Connector
@@ -224,6 +225,16 @@ def test_tolerances_that_are_drafted_are_those_of_the_part(tmp_path: Path, cobot
         given = dict(line.split(" = ") for line in text.splitlines() if line.startswith('"') and "%" in line)
         assert given[f'"{name}"'] == f'"{tolerance}"'
         assert not any("90 %" in value for value in given.values())
+
+
+def test_an_angle_at_rest_at_the_end_of_its_way_is_not_called_saturated_and_a_clipped_current_is(
+    tmp_path: Path,
+) -> None:
+    phi, i = np.clip(np.sin(2 * T), -0.8, 0.8), np.clip(np.sin(2 * T), -0.8, 0.8)
+    log(tmp_path, "run.csv", {"t [s]": T, "phi [rad]": phi, "i [A]": i})
+    quality = inspect_log(tmp_path / "run.csv").quality
+    assert quality["phi"].saturated == 0
+    assert quality["i"].saturated > 100
 
 
 def test_dry_friction_of_what_is_drafted_sticks_or_may_be_sharper_than_its_unit_assumes(

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.order_spectrum import clearest_between, order_spectrum
@@ -118,23 +117,26 @@ class Dictionary:
 
     @cached_property
     def waves(self) -> list[Wave]:
-        """Orders of the port's angles that stand out of the residual, clearest first; before them what no spectrum
-        resolves, of a shaft that turns once or twice: its forms have to say."""
-        found: list[tuple[float, Wave]] = []
+        """Orders of the port's angles that stand out of the residual, clearest first."""
+        return list(dict.fromkeys(wave for p, wave, _ in sorted(self._spectra, reverse=True) if p > 0))
+
+    @property
+    def low(self) -> list[Wave]:
+        """Low orders of which no window of a spectrum holds enough, and a recording half a period at least: of a shaft
+        that turns once or twice forms have to say."""
+        low = [(a, n) for _, (a, n), windows in self._spectra if windows == 0 and n <= LOW]
+        return list(dict.fromkeys((a, n) for a, n in low if n * self.travel(a) > np.pi))
+
+    @cached_property
+    def _spectra(self) -> list[tuple[float, Wave, float]]:
+        """(power, wave, windows that it is from) of what keeps its sign when the shaft turns round, and of the rest."""
+        found: list[tuple[float, Wave, float]] = []
         for name in self.port.angles:
             orders = self._orders(name)
             for turning in (False, True):
-                power, windows = order_spectrum(
-                    self.problem, self.residual, name, self.outputs, orders, turning=turning
-                )
-                power[self._unresolved(name, np.asarray(orders), windows)] = np.inf
-                found += [(float(p), (_short(name), n)) for n, p in zip(orders, power, strict=True) if p > 0]
-        found.sort(key=lambda each: (-each[0], each[1][1]))
-        return list(dict.fromkeys(wave for _, wave in found))
-
-    def _unresolved(self, angle: str, orders: Vector, windows: Vector) -> NDArray[np.bool_]:
-        """Low orders of which no window of a spectrum holds enough, and a recording half a period at least."""
-        return (windows == 0) & (orders <= LOW) & (orders * self.travel(_short(angle)) > np.pi)
+                of_all = order_spectrum(self.problem, self.residual, name, self.outputs, orders, turning=turning)
+                found += [(float(p), (_short(name), n), float(m)) for n, p, m in zip(orders, *of_all, strict=True)]
+        return found
 
     def _orders(self, angle: str) -> list[float]:
         """Whole ones, and the clearest that is none, with its double, in place of the one in which it shows as well."""
@@ -145,7 +147,7 @@ class Dictionary:
 
     def first(self) -> dict[Product, Feature]:
         """The few that tell where the residual points."""
-        return self._values([*self._first(), *self._waves(self.waves[:FEW])])
+        return self._values([*self._first(), *self._waves([*self.low, *self.waves[:FEW]])])
 
     def more(self) -> dict[Product, Feature]:
         """The rest."""

@@ -227,11 +227,12 @@ def test_tolerances_that_are_drafted_are_those_of_the_part(tmp_path: Path, cobot
         assert not any("90 %" in value for value in given.values())
 
 
+@pytest.mark.parametrize("unit", ["rad", "deg", "rev", "mm"])
 def test_an_angle_at_rest_at_the_end_of_its_way_is_not_called_saturated_and_a_clipped_current_is(
-    tmp_path: Path,
+    tmp_path: Path, unit: str
 ) -> None:
     phi, i = np.clip(np.sin(2 * T), -0.8, 0.8), np.clip(np.sin(2 * T), -0.8, 0.8)
-    log(tmp_path, "run.csv", {"t [s]": T, "phi [rad]": phi, "i [A]": i})
+    log(tmp_path, "run.csv", {"t [s]": T, f"phi [{unit}]": phi, "i [A]": i})
     quality = inspect_log(tmp_path / "run.csv").quality
     assert quality["phi"].saturated == 0
     assert quality["i"].saturated > 100

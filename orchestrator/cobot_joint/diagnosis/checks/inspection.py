@@ -12,8 +12,8 @@ from cobot_joint.diagnosis.data.clock import SLOWEST
 from cobot_joint.diagnosis.data.conditioning import ChannelQuality, assess
 from cobot_joint.diagnosis.data.delimited import Layout
 from cobot_joint.diagnosis.data.formats import Log, NoClock, read_log
+from cobot_joint.diagnosis.data.quantity import is_position
 from cobot_joint.diagnosis.data.recording import LARGEST, Connector, Reading, Recording, read_recording
-from cobot_joint.diagnosis.data.suspicion import RESTING
 from cobot_joint.errors import UserError
 
 TABLE = "no column is a clock: each row is taken for a steady state; if they are samples of a run, the clock is missing"
@@ -52,7 +52,7 @@ def inspect_log(path: Path, time: str | None = None, layout: Layout | None = Non
             words.append(f"the clock steps by {recording.step:g} s: if it counts ms, say time = '{log.clock} [ms]'")
         words += [f"{s.channel}: {s.evidence}" for s in suspicions([recording])]
     quality = {n: assess(x) for n, x in recording.outputs.items()}
-    at_rest = {n for n in quality if recording.units.get(n) in RESTING}  # at the end of its way it is no less sound
+    at_rest = {n for n in quality if is_position(recording.units.get(n))}  # at the end of its way it is no less sound
     quality = {n: replace(q, saturated=0) if n in at_rest else q for n, q in quality.items()}
     if rows:  # they follow one another in no time: what differs from one to the next is no noise
         quality = {n: replace(q, noise=float("nan"), saturated=0) for n, q in quality.items()}

@@ -109,6 +109,13 @@ def is_duration(text: str) -> bool:
     return is_unit(text) and _parse(text.strip().removeprefix("[").removesuffix("]"), "").check("[time]")
 
 
+def is_position(unit: str | None) -> bool:
+    """Whether it is an angle's or a way's."""
+    if unit is None or not is_unit(unit):
+        return False
+    return dict(_base(_parse(unit, "")).u._units) in ({"radian": 1}, {"meter": 1})
+
+
 def _spelled(quantity: pint.Quantity) -> str:
     return f"{quantity.u:~C}".replace("**", "").replace("*", ".") or "1"
 

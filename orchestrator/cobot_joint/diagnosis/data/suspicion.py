@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from cobot_joint.diagnosis.data.conditioning import RAIL, noise_and_colour, quantisation_step
+from cobot_joint.diagnosis.data.quantity import is_position
 from cobot_joint.diagnosis.data.recording import LeftOut, Recording
 
 Vector = NDArray[np.float64]
@@ -26,7 +27,6 @@ FROZEN = 0.25  # s of one value while others move
 HELD = 0.1  # share of samples that repeat the one before in the middle of motion: 0.05 at most in 493 sound channels
 PACE = 3.0  # steps, and sigma of the noise, per sample, from which on motion is no chance repeat (at 2: share 0.11)
 SHAKES = 0.75  # steps of noise, rounding included, from which on leaving repeats out moves no mean by 0.01 steps
-RESTING = ("rad", "m")  # a shaft may stand still anywhere
 REACH = 5  # samples on either side, over which a channel's pace is taken
 CAUGHT_UP = (1.75, 2.25)  # times its neighbours, that the step after a repeat is where a value was not renewed
 IN_A_ROW = 8  # repeats at most: where 30 % are held, more come once in 15,000
@@ -115,7 +115,7 @@ def faults(r: Recording) -> Iterator[Fault]:
     for name, x in r.outputs.items():
         if np.isfinite(x).sum() < 2 or name in r.scatter:  # rows of a table follow one another in no time
             continue
-        words, at = ("", at_none) if r.units.get(name) in RESTING else clipped(x)
+        words, at = ("", at_none) if _may_rest(r, name) else clipped(x)
         if words:
             yield Fault(name, "clipped", words, at)
             continue
@@ -165,7 +165,7 @@ def frozen(x: Vector, r: Recording, name: str) -> tuple[str, Mask]:
     elsewhere = np.where(within, np.nan, x)
     if not long or _hides_noise(elsewhere):
         return "", nowhere
-    noisy, rests = same[~within].mean() < 0.5, r.units.get(name) in RESTING
+    noisy, rests = same[~within].mean() < 0.5, _may_rest(r, name)
     found = {}
     for start, stop in long:
         mover = _mover(r, name, slice(max(start - 1, 0), stop))
@@ -186,8 +186,13 @@ def _hides_noise(x: Vector) -> bool:
 
 def _mover(r: Recording, name: str, span: slice) -> str:
     """Another channel that moves meanwhile; "": none. Beside a shaft's position a speed."""
-    moves = {n: y for n, y in (r.outputs | r.inputs).items() if r.units.get(name) not in RESTING or _is_speed(r, n)}
+    moves = {n: y for n, y in (r.outputs | r.inputs).items() if not _may_rest(r, name) or _is_speed(r, n)}
     return next((n for n, y in moves.items() if n != name and _moves(y, span)), "")
+
+
+def _may_rest(r: Recording, name: str) -> bool:
+    """A shaft may stand still anywhere."""
+    return is_position(r.units.get(name))
 
 
 def _is_speed(r: Recording, name: str) -> bool:

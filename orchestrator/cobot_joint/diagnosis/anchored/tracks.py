@@ -60,28 +60,46 @@ class Tracker:
         """
         self._before.close()
         self._before, self._systems = self._systems, ExitStack()
-        why: list[SimulationError] = []
+        why: dict[str, SimulationError] = {}  # by recording
 
         def one(recording: Recording) -> Tracking | None:
+            if recording.setup not in self._structures:
+                return None
             try:
                 return self._follow(recording, values, onsets or {})
             except SimulationError as error:
-                why.append(error)
+                why[recording.name] = error
                 return None
 
+        self._learn_structures(values, onsets or {}, why)
         found = [tracking for tracking in at_once(one, self.recordings) if tracking is not None]
         if not found and why:
-            raise why[0]
+            raise next(why[r.name] for r in self.recordings if r.name in why)
         return found
 
-    def _follow(self, recording: Recording, values: Mapping[str, Value], onsets: Mapping[str, float]) -> Tracking:
-        system = self.plant.systems[recording.setup]
+    def _learn_structures(
+        self, values: Mapping[str, Value], onsets: Mapping[str, float], why: dict[str, SimulationError]
+    ) -> None:
+        """Of every set-up by its first recording that runs, before recordings are followed beside each other: which of
+        them comes first must not depend on the machine's load."""
+        for recording in self.recordings:
+            if recording.setup in self._structures:
+                continue
+            try:
+                with self._sampled(recording, values, onsets) as sampled:
+                    ports = [port.name for port in self.plant.ports if port.name in sampled.system.inputs]
+                    known = structure(sampled, sampled.free(recording), ports, self.noise)
+                    self._structures[recording.setup] = known
+            except SimulationError as error:
+                why[recording.name] = error
+
+    def _sampled(self, recording: Recording, values: Mapping[str, Value], onsets: Mapping[str, float]) -> SampledSystem:
         own = {name: value for name, value in values.items() if self.plant.has(name, recording)}
         late = {name: t for name, t in onsets.items() if name in own}
-        sampled = self._systems.enter_context(SampledSystem(system, list(recording.outputs), own, late))
-        if recording.setup not in self._structures:
-            ports = [port.name for port in self.plant.ports if port.name in system.inputs]
-            self._structures[recording.setup] = structure(sampled, sampled.free(recording), ports, self.noise)
+        return SampledSystem(self.plant.systems[recording.setup], list(recording.outputs), own, late)
+
+    def _follow(self, recording: Recording, values: Mapping[str, Value], onsets: Mapping[str, float]) -> Tracking:
+        sampled = self._systems.enter_context(self._sampled(recording, values, onsets))
         known, before = self._structures[recording.setup], self._latents.get(recording.name)
         both = (*known.latents, *(replace(latent, tau=SLOW) for latent in known.latents))
         estimator = StateEstimator(sampled, self.noise, before or both, known.followed)

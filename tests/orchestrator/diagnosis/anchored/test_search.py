@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -12,12 +13,13 @@ import numpy as np
 import pytest
 
 from cobot_joint.diagnosis import thresholds
-from cobot_joint.diagnosis.anchored import beside
+from cobot_joint.diagnosis.anchored import beside, tracks
 from cobot_joint.diagnosis.anchored.beside import Predicted
 from cobot_joint.diagnosis.anchored.search import Named, Search, Searcher, confidence
 from cobot_joint.diagnosis.anchored.tracks import Tracker
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
+from cobot_joint.diagnosis.state_estimation.latents import structure
 from cobot_joint.system.read import load_system
 from tests.orchestrator.diagnosis.state_estimation.rig import NOISE, clock, recorded, run
 
@@ -50,6 +52,22 @@ def searcher(*recordings: Recording) -> Iterator[Searcher]:
             bounds[name] = 0.9 * nominal, 1.1 * nominal
         terms = [t for t in plant.terms if t.name.split(".")[1] in SOME]
         yield Searcher(plant, tracker, bounds, terms, lambda words: None, [t.name for t in terms])
+
+
+def test_what_is_seen_of_a_set_up_is_seen_in_its_first_recording(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two that were followed beside each other either had it, as the machine's load would have it."""
+    seen = []
+
+    def slowly(*given: Any) -> Any:
+        seen.append(given)
+        time.sleep(0.2)
+        return structure(*given)
+
+    monkeypatch.setattr(tracks, "structure", slowly)
+    one = recorded(run({}, {}, seconds=2.0))
+    with searcher(one, replace(one, name="again")) as found:
+        found.tracker.follow({})
+    assert len(seen) == 1
 
 
 def search(values: Mapping[str, float]) -> Search:

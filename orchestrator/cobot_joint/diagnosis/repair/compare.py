@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis.data.recording import Recording
 
 VARIANTS = ("nominal", "calibrated", "repaired")
@@ -21,6 +22,7 @@ class Comparison:
 
     recording: Recording
     simulated: dict[str, dict[str, NDArray[np.float64]]]  # variant -> channel -> (n,)
+    failed: dict[str, str] = field(default_factory=dict)  # variant -> why it could not be simulated: NaN throughout
 
     def residual(self, variant: str, channel: str) -> NDArray[np.float64]:
         """recording - simulation, NaN where not recorded: (n,)"""
@@ -31,17 +33,24 @@ def compare(recordings: Sequence[Recording], simulators: Mapping[str, Simulator]
     """Run every variant on every recording."""
     compared = []
     for recording in recordings:
-        simulated = {}
+        simulated, failed = {}, {}
         for variant, simulate in simulators.items():
-            outputs = simulate(recording)
+            try:
+                outputs = simulate(recording)
+            except SimulationError as error:
+                failed[variant] = str(error)
+                outputs = dict.fromkeys(recording.outputs, np.full(len(recording.time), np.nan))
             simulated[variant] = {channel: np.asarray(outputs[channel], dtype=float) for channel in recording.outputs}
-        compared.append(Comparison(recording, simulated))
+        compared.append(Comparison(recording, simulated, failed))
     return compared
 
 
 def rms(compared: Sequence[Comparison], variant: str, channel: str) -> float | None:
-    """Root mean square of recording - simulation over all recordings that have the channel; None where none has."""
+    """Root mean square of recording - simulation over all recordings that have the channel; None where none has, or
+    one of them could not be simulated."""
     having = [c for c in compared if channel in c.recording.outputs]
+    if any(variant in c.failed for c in having):
+        return None
     residuals = [c.residual(variant, channel)[np.isfinite(c.recording.outputs[channel])] for c in having]
     return float(np.sqrt(np.mean(np.concatenate(residuals) ** 2))) if residuals else None
 

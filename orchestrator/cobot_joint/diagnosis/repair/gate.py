@@ -5,6 +5,7 @@ Held-out runs decide where there are some; fitted runs only say that a repair wh
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
@@ -20,14 +21,25 @@ def above_noise(channels: Channels, role: str, free: bool = False) -> dict[str, 
     Of anchored predictions (`predicted`), where every channel has these: a free run loses angles, whatever the model.
     free: of free runs all the same.
     """
-    there = [(c["noise"], c[role]) for c in channels.values() if role in c and c["noise"]]
-    if not there:
-        return None
+    there = [(c["noise"], c[role]) for c in channels.values() if role in c]
     if not free and all(figures.get("predicted") for _, figures in there):
         there = [(noise, figures["predicted"]) for noise, figures in there]
-    if any(figures[v] is None for _, figures in there for v in VARIANTS):
+    there = [(noise, figures) for noise, figures in there if any(figures[v] is not None for v in VARIANTS)]
+    if not there:
         return None
-    return {v: sum(max(0.0, (figures[v] / noise) ** 2 - 1) for noise, figures in there) for v in VARIANTS}
+    return {v: sum(_squared(figures, v, noise) for noise, figures in there) for v in VARIANTS}
+
+
+def _squared(figures: Mapping[str, float | None], variant: str, noise: float | None) -> float:
+    """Above noise, in units of it; where that is not known, in units of what the best variant errs by. Infinite: the
+    variant could not be simulated, or not to the end."""
+    error = figures[variant]
+    if error is None or not math.isfinite(error):
+        return math.inf
+    if noise is None or not (noise > 0 and math.isfinite(noise)):
+        least = min(x for v in VARIANTS if (x := figures[v]) is not None and math.isfinite(x))
+        return (error / least) ** 2 if least > 0 else error
+    return max(0.0, (error / noise) ** 2 - 1)
 
 
 def judged(channels: Channels) -> Literal["offered", "withheld"]:
@@ -44,6 +56,8 @@ def fails(channels: Channels) -> Literal["holdout", "train"] | None:
         if not error:
             continue
         before = min(error[v] for v in others)
+        if math.isinf(error["repaired"]):
+            return role
         if error["repaired"] > thresholds.NO_WORSE * before + thresholds.NEGLIGIBLE:
             return role
         if before > thresholds.NEGLIGIBLE:
@@ -69,6 +83,8 @@ def removed(channels: Channels) -> tuple[float, str] | None:
         if error is None:
             continue
         before = min(error["nominal"], error["calibrated"])
+        if math.isinf(before):
+            return None
         if before > thresholds.NEGLIGIBLE:
             share = 1 - error["repaired"] / before
             return (share, role) if share > 0 else None

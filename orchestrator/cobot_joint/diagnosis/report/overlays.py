@@ -173,7 +173,7 @@ def gain(c: Comparison, channel: str, noise: float) -> float:
     if not noise or not np.isfinite(c.recording.outputs[channel]).any():
         return 0.0
     before = np.nanmean(c.residual("calibrated", channel) ** 2)
-    after = np.nanmean(c.residual("repaired", channel) ** 2) if "repaired" in c.simulated else 0.0
+    after = np.nanmean(c.residual("repaired", channel) ** 2) if "repaired" in c.simulated.keys() - c.failed else 0.0
     return float((before - after) / noise**2)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.repair.compare import Comparison, channel_figures, compare, strongest_window, table
 
@@ -55,6 +56,22 @@ def test_the_published_table_recomputes_the_figures() -> None:
 def test_a_simulation_that_ends_in_nan_is_not_hidden() -> None:
     runs = compare([recording("a", w=T)], {"nominal": lambda r: {"w": np.where(T > 1, np.nan, T)}})
     assert np.isnan(channel_figures(runs, ["nominal"])["w"]["nominal"])  # type: ignore[arg-type]
+
+
+def test_a_simulation_that_fails_costs_its_figures_and_no_other() -> None:
+    """One recording in which one variant failed lost the whole diagnosis."""
+
+    def fails(r: Recording) -> dict[str, np.ndarray]:
+        if r.name == "b":
+            raise SimulationError("gear: fmi2DoStep at 0.3 s gives fmi2Error")
+        return {n: np.zeros(2000) for n in r.outputs}
+
+    runs = [recording("a", w=T, i=T), recording("b", w=T)]
+    found = compare(runs, {"nominal": lambda r: dict(r.outputs), "repaired": fails})
+    assert found[1].failed == {"repaired": "gear: fmi2DoStep at 0.3 s gives fmi2Error"}
+    figures = channel_figures(found, ["nominal", "repaired"])
+    assert figures["w"] == {"nominal": 0.0, "repaired": None}
+    assert figures["i"]["repaired"] == pytest.approx(np.sqrt(np.mean(T**2)))
 
 
 def test_the_closer_look_is_where_the_repair_gains_most() -> None:

@@ -38,6 +38,34 @@ def test_a_repair_is_offered_only_where_it_predicts_better_than_nominal_and_cali
     assert judged(figures) == verdict
 
 
+@pytest.mark.parametrize("noise", [None, float("nan"), 0.0])
+@pytest.mark.parametrize(("repaired", "verdict"), [(50.0, "withheld"), (0.9, "offered")])
+def test_a_channel_whose_noise_is_not_known_is_judged_all_the_same(
+    noise: float | None, repaired: float, verdict: str
+) -> None:
+    """Such a channel, or a table of noise-free values, was passed over: a repair that errs by fifty times as much was
+    offered."""
+    figures = channels(1.2, 1.0, repaired, train=0.9)
+    figures["w"]["noise"] = noise
+    figures["w"]["train"]["calibrated"] = 1.0
+    assert judged(figures) == verdict
+
+
+@pytest.mark.parametrize("ends", [None, float("nan"), float("inf")])
+def test_a_repair_that_cannot_be_simulated_is_withheld(ends: float | None) -> None:
+    figures = channels(5.0, 2.0, 1.0)
+    figures["w"]["holdout"]["repaired"] = ends
+    assert judged(figures) == "withheld"
+    assert removed(figures) is None
+
+
+def test_a_repair_of_what_cannot_be_simulated_without_it_is_offered_without_a_percentage() -> None:
+    figures = channels(5.0, 2.0, 1.0)
+    figures["w"]["holdout"] |= {"nominal": None, "calibrated": None}
+    assert judged(figures) == "offered"
+    assert removed(figures) is None
+
+
 def test_anchored_predictions_decide_where_there_are_some() -> None:
     free = channels(1.5, 4.0, 6.0)  # a free run that lost its angles
     free["w"]["holdout"]["predicted"] = {"horizon": 0.2, "nominal": 3.0, "calibrated": 2.0, "repaired": 1.0}

@@ -33,7 +33,7 @@ class Budget:
         """Whether there is time to begin with it; where not, it is noted."""
         if time.monotonic() - self.begun < self.seconds:
             return True
-        self.left_out.append(what)
+        self._leave_out(what)
         return False
 
     def spend(self, what: str, look: Callable[[], T]) -> T | None:
@@ -44,10 +44,15 @@ class Budget:
         try:
             return look()
         except OutOfTime:
-            self.left_out.append(what)
+            self._leave_out(what)
             return None
         finally:
             self._cuts = outer
+
+    def _leave_out(self, what: str) -> None:
+        """Said once, though several places ask for it."""
+        if what not in self.left_out:
+            self.left_out.append(what)
 
     def check(self) -> None:
         """Called on the way, before anything that takes long. OutOfTime: time is up for what runs now."""

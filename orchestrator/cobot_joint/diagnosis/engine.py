@@ -96,10 +96,10 @@ def _diagnosed(campaign: Campaign, plant: Plant, say: Progress, store: Store, bu
         late = partial(still_late, problem, explanation.calibrated, at)
         found.mistimed = store.remember("mistimed", at.x, late)
     if found.mistimed:  # a wrong name takes some of it: a claim waits for stamps that are right
-        found.findings = [replace(f, confidence=min(f.confidence, thresholds.WITHHELD)) for f in found.findings]
+        found.findings = [f.withheld("a channel's time stamps may be wrong") for f in found.findings]
     found.left_out = budget.left_out
     if found.left_out:  # what was not looked at may explain it better: no name is a claim yet
-        found.findings = [replace(f, confidence=min(f.confidence, thresholds.WITHHELD)) for f in found.findings]
+        found.findings = [f.withheld("time was up before everything was tried") for f in found.findings]
         found.verdict = "undecided" if found.verdict == "nothing_missing" else found.verdict
     found.seconds = time.monotonic() - begun
     return found

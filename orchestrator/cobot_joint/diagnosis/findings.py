@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.plant.correction import Product
 from cobot_joint.diagnosis.store import plain
 
@@ -116,6 +117,13 @@ class Finding:
     shape: Form | None = None  # of an effect that is on no list
     load_history: LoadHistory | None = None
     ground: Ground = "term not counted"
+    limited_by: str = ""  # why it is no claim, where it would be one
+
+    def withheld(self, why: str) -> Finding:
+        """No claim, whatever speaks for it."""
+        if self.confidence <= thresholds.WITHHELD:
+            return self
+        return replace(self, confidence=thresholds.WITHHELD, limited_by=why)
 
     @property
     def component(self) -> str:
@@ -135,7 +143,9 @@ class Finding:
             "where": self.where,
             "evidence": self.gain,
             "shape": self.shape.to_json() if self.shape else None,
-        } | ({"load_history": self.load_history.to_json()} if self.load_history else {})
+            **({"limited_by": self.limited_by} if self.limited_by else {}),
+            **({"load_history": self.load_history.to_json()} if self.load_history else {}),
+        }
 
 
 @dataclass(frozen=True)

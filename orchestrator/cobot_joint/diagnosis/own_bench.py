@@ -62,7 +62,8 @@ def inspect(
             for file in draw(Picture(folder / path.stem, "signals", path.name, axis, panels)):
                 console.print(file, soft_wrap=True)
     if system is not None:
-        given = {k: v for k, v in (("time", time), ("separator", separator), ("encoding", encoding)) if v}
+        asked = {"time": time, "skip": skip, "separator": separator, "encoding": encoding}
+        given = {key: value for key, value in asked.items() if value is not None}
         given |= {"table": "rows"} if found[0].table else {}
         console.print(_first_campaign(folder, system, logs, found, given), soft_wrap=True)
 
@@ -91,7 +92,7 @@ def _show(path: Path, i: Inspection) -> None:
 
 
 def _first_campaign(
-    folder: Path, system: str, logs: list[Path], found: list[Inspection], given: dict[str, str]
+    folder: Path, system: str, logs: list[Path], found: list[Inspection], given: dict[str, str | int]
 ) -> Path:
     """campaign.toml in the folder. UserError: one is there already, or no column fits."""
     from cobot_joint.diagnosis.data.campaign import connectors_of, system_connectors, systems_of
@@ -178,7 +179,7 @@ def new(
     if (chain is None) == (from_ is None):
         raise UserError("new: one of --chain motor,gear,sensor,load and --from joint is needed")
     parts = [n.strip() for n in (chain or "").split(",")]
-    made = make(parts) if chain else Chain(load_system(str(from_)), {})
+    made = make(parts) if chain is not None else Chain(load_system(str(from_)), {})
     values = dict(_assignment(text) for text in set_ or [])
     made = with_data_sheet(made, values)
     folder = results_folder(out)

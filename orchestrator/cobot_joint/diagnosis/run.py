@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import date
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from cobot_joint.cosim import SimulationError
-from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.archive import save
 from cobot_joint.diagnosis.basis import of_campaign
 from cobot_joint.diagnosis.budget import Budget
@@ -76,9 +75,14 @@ def diagnose_campaign(
     calibrated, loads = diagnosis.parameters("calibrated"), diagnosis.load_histories()
     compared = compare_systems(campaign, campaign.recordings, out, calibrated, loads)
     diagnosis.channels = channels(compared, quality)
-    judge(diagnosis, lambda: anchored(campaign, out, calibrated, say))
-    left_out = not_compared(campaign)
-    content = spoken(diagnosis.to_json() | ({"not_compared": left_out} if left_out else {}))
+    unpredicted: list[str] = []
+    judge(diagnosis, lambda: anchored(campaign, out, calibrated, say, unpredicted))
+    missing = {
+        "not_compared": not_compared(campaign),
+        "not_simulated": not_simulated(compared),
+        "not_predicted": " ".join(unpredicted),
+    }
+    content = spoken(diagnosis.to_json() | {name: what for name, what in missing.items() if what})
     content |= {"exported": exported(out, campaign.setups), "campaign": relative(campaign.path, out)}
     say("reporting")
     texts = term_texts(systems)
@@ -124,11 +128,13 @@ def judge(diagnosis: Diagnosis, predict: Callable[[], Mapping[str, Mapping[str, 
     diagnosis.repair, diagnosis.verdict = "withheld", "undecided"
     kept = [f for f in diagnosis.findings if f.term not in diagnosis.calibrated]
     diagnosis.refuted = [f.term for f in diagnosis.findings if f not in kept]
-    diagnosis.findings = [replace(f, confidence=min(f.confidence, thresholds.WITHHELD)) for f in kept]
+    diagnosis.findings = [f.withheld("its repair is withheld") for f in kept]
 
 
-def anchored(campaign: Campaign, out: Path, calibrated: Mapping[str, float], say: Progress) -> dict[str, Any]:
-    """Role -> channel -> figures of anchored predictions; empty: none can be had."""
+def anchored(
+    campaign: Campaign, out: Path, calibrated: Mapping[str, float], say: Progress, why: list[str]
+) -> dict[str, Any]:
+    """Role -> channel -> figures of anchored predictions; empty: none can be had, and `why` is added to."""
     say("predicting all runs from short distances")
     runs = {role: found for role, found in (("holdout", campaign.holdout), ("train", campaign.train)) if found}
     try:
@@ -136,7 +142,7 @@ def anchored(campaign: Campaign, out: Path, calibrated: Mapping[str, float], say
         with one_blas_thread():
             return {role: predicted_figures(recordings, systems, noise) for role, recordings in runs.items()}
     except SimulationError as error:
-        say(f"no anchored prediction: {error}")
+        why.append(str(error))
         return {}
 
 
@@ -172,6 +178,15 @@ def not_compared(campaign: Campaign) -> list[dict[str, Any]]:
         {"recording": r.name, "channel": out.channel, "why": out.kind, "samples": out.samples, "of": len(r.time)}
         for r in campaign.recordings
         for out in r.left_out
+    ]
+
+
+def not_simulated(compared: Sequence[Comparison]) -> list[dict[str, str]]:
+    """diagnosis.json's `not_simulated`: which system failed in which recording, and why."""
+    return [
+        {"recording": c.recording.name, "variant": variant, "why": why}
+        for c in compared
+        for variant, why in c.failed.items()
     ]
 
 

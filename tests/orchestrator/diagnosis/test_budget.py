@@ -71,3 +71,9 @@ def test_what_time_cut_short_is_gone_on_from_and_never_taken_for_the_answer(tmp_
     assert [f.term for f in found.findings] == [f.term for f in expected.findings]
     assert found.left_out == []
     assert second.runs < undisturbed.runs
+
+
+def test_what_several_places_ask_for_is_left_out_once() -> None:
+    budget = Budget(0.0)
+    assert [budget.spend("formulas", lambda: 1) for _ in range(3)] == [None] * 3
+    assert budget.left_out == ["formulas"]

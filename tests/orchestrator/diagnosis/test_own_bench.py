@@ -88,6 +88,35 @@ def test_inspect_with_a_system_writes_a_campaign_that_loads_with_its_guesses_mar
     assert "campaign.toml is there already" in again.stderr
 
 
+@pytest.mark.parametrize(
+    ("above", "separator", "encoding", "options"),
+    [
+        ("bench 7\nrun, 3, of 4\n", ",", "utf-8", ["--skip", "2"]),
+        ("", ";", "utf-8", ["--separator", ";"]),
+        ("", "\t", "utf-8", ["--separator", "tab"]),
+        ("", ",", "latin-1", ["--encoding", "latin-1", "--time", "Zeit [s]"]),
+    ],
+)
+def test_what_inspect_was_told_of_a_file_stands_in_its_draft(
+    tmp_path: Path, cobot_joint: Callable[..., Done], above: str, separator: str, encoding: str, options: list[str]
+) -> None:
+    """Without `skip` its draft was refused, and another remedy offered."""
+    names = ["Zeit [s]", "v_command [V]", "w_motor [rad/s]", "Öltemp [degC]"]
+    rows = [separator.join(map(str, row)) for row in zip(T, np.sin(T), 20 * np.cos(3 * T), 40 + T, strict=True)]
+    text = above + "\n".join([separator.join(names), *rows]) + "\n"
+    (tmp_path / "run.csv").write_bytes(text.encode(encoding))
+    done = cobot_joint("inspect", "run.csv", "--system", "joint", "--out", "first", *options)
+    assert (done.returncode, done.stderr) == (0, "")
+    (run,) = load_campaign(tmp_path / "first/campaign.toml").recordings
+    np.testing.assert_allclose(run.outputs["w_motor"], 20 * np.cos(3 * T), atol=1e-6)
+
+
+def test_a_chain_of_no_parts_is_refused(cobot_joint: Callable[..., Done]) -> None:
+    done = cobot_joint("new", "--chain", "", "--out", "machine")
+    assert done.returncode == 2
+    assert "--chain '': there is no such part" in done.stderr
+
+
 def test_inspect_drafts_a_campaign_from_a_table_that_has_no_clock(
     tmp_path: Path, cobot_joint: Callable[..., Done]
 ) -> None:

@@ -6,8 +6,10 @@ The engine is replaced by one that knows what a made-up bench conceals, so that 
 from __future__ import annotations
 
 import hashlib
+import html
 import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import joblib
@@ -19,12 +21,15 @@ import pytest
 from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis import run
 from cobot_joint.diagnosis.data.campaign import load_campaign
+from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.evaluation.baselines import DiscrepancyDiagnosis
 from cobot_joint.diagnosis.findings import Diagnosis
 from cobot_joint.diagnosis.provenance import provenance
+from cobot_joint.diagnosis.repair import verify as repair_verify
 from cobot_joint.diagnosis.repair.discrepancy import Discrepancy, Process
 from cobot_joint.diagnosis.repair.export import repaired_system
 from cobot_joint.diagnosis.repair.verify import verify
+from cobot_joint.diagnosis.thresholds import WITHHELD
 from cobot_joint.errors import UserError
 from cobot_joint.system.read import load_system
 from cobot_joint.system.write import write_ssp
@@ -107,6 +112,42 @@ def test_an_answer_says_which_files_and_versions_it_comes_from(campaign_file: Pa
     assert f"numpy {np.__version__}" in said["versions"]
     assert str(tmp_path) not in text
     assert said == provenance(campaign_file, campaign.title, campaign.systems())
+
+
+def test_a_repair_that_cannot_be_simulated_in_a_held_out_run_is_withheld_and_the_report_says_so(
+    campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The whole diagnosis was lost."""
+
+    def fails(plant: object, loads: object) -> Callable[[Recording], dict[str, np.ndarray]]:
+        def simulate(r: Recording) -> dict[str, np.ndarray]:
+            if r.role == "holdout":
+                raise SimulationError("motor_bldc: fmi2DoStep at 0.3 s gives fmi2Error")
+            return {n: np.nan_to_num(y) for n, y in r.outputs.items()}
+
+        return simulate
+
+    monkeypatch.setattr(run, "engine", knows(explained()))
+    monkeypatch.setattr(repair_verify, "acted_on", fails)
+    outcome = run.diagnose_campaign(load_campaign(campaign_file), tmp_path)
+    assert (outcome.diagnosis["verdict"], outcome.diagnosis["repair"]) == ("undecided", "withheld")
+    why = "the repaired system cannot be simulated (motor_bldc: fmi2DoStep at 0.3 s gives fmi2Error)"
+    assert any(why in note for note in outcome.diagnosis["notes"])
+    assert why in (tmp_path / "report.html").read_text()
+    assert outcome.diagnosis["channels"]["w_motor"]["holdout"]["repaired"] is None
+
+
+def test_a_confidence_that_something_else_limits_says_what(
+    campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The report quoted the count of findings that are as unsure by themselves."""
+    limited = explained()
+    limited.findings = [f.withheld("a channel's time stamps may be wrong") for f in limited.findings]
+    monkeypatch.setattr(run, "engine", knows(limited))
+    (finding,) = run.diagnose_campaign(load_campaign(campaign_file), tmp_path).diagnosis["findings"]
+    assert (finding["confidence"], finding["limited_by"]) == (WITHHELD, "a channel's time stamps may be wrong")
+    told = "45 %: less than even, since a channel's time stamps may be wrong"
+    assert told in html.unescape((tmp_path / "report.html").read_text())
 
 
 @pytest.fixture

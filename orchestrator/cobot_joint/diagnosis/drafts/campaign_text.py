@@ -129,7 +129,7 @@ def campaign_text(
     files: Sequence[str],
     columns: Columns,
     tolerances: Mapping[str, str] | None = None,
-    given: Mapping[str, str] | None = None,
+    given: Mapping[str, str | int] | None = None,
 ) -> str:
     """campaign.toml with its guesses marked. tolerances: as TOML. given: further keys of recordings."""
     lines = [f"title = {_quoted(title)}", f"system = {_quoted(system)}", "", *_channels(columns)]
@@ -140,7 +140,7 @@ def campaign_text(
     for k, file in enumerate(files):
         role = "holdout" if k == len(files) - 1 > 0 else "train"
         lines += ["", "[[recording]]", f"file = {_quoted(file)}"]
-        lines += [f"{key} = {_quoted(value)}" for key, value in (given or {}).items()]
+        lines += [f"{key} = {_toml(value)}" for key, value in (given or {}).items()]
         if role == "holdout":
             lines.append('role = "holdout"   # guess: the last is held out, scored and never fitted')
         if expected:
@@ -166,6 +166,10 @@ def _channels(columns: Columns) -> list[str]:
 def _line(text: str) -> str:
     """In one line, for a comment ends with it."""
     return " ".join(text.split())
+
+
+def _toml(value: str | int) -> str:
+    return str(value) if isinstance(value, int) else _quoted(value)
 
 
 def _quoted(text: str) -> str:

@@ -111,9 +111,10 @@ class BeyondTheList:
         if not isinstance(self.problem.plant, FmuPlant):
             return False
         left = chi2_in_closed_loop(self.problem, self.campaign.systems(), formula)
-        if left <= self.listed.fit.chi2:
+        if left is not None and left <= self.listed.fit.chi2:
             return False
-        self.say(f"{formula.finding.term} by the motion that it leads to leaves more than listed terms do")
+        why = "the system cannot be simulated" if left is None else "more is left than listed terms leave"
+        self.say(f"{formula.finding.term} by the motion that it leads to: {why}")
         return True
 
     def _leaves_nothing(self, formula: Unmodelled) -> bool:

@@ -17,8 +17,8 @@ from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 from cobot_joint.system.model import System
 
 
-def chi2_in_closed_loop(problem: Problem, systems: Mapping[str, System], found: Unmodelled) -> float:
-    """Chi-square that free runs of the repaired system leave; infinite where it cannot be simulated.
+def chi2_in_closed_loop(problem: Problem, systems: Mapping[str, System], found: Unmodelled) -> float | None:
+    """Chi-square that free runs of the repaired system leave; None: it cannot be simulated.
 
     The fit of a formula goes by the recorded motion: it knows when the machine stuck, and a simulated one may not.
     """
@@ -31,8 +31,9 @@ def chi2_in_closed_loop(problem: Problem, systems: Mapping[str, System], found: 
         with FmuPlant({**systems, **with_it}) as plant:
             others = {r: {p: x for p, x in ports.items() if p != shape.port} for r, ports in run.added.items()}
             repaired = Problem(plant, problem.recordings, problem.noise, problem.jobs)
+            repaired.budget = problem.budget
             (simulated,) = repaired.simulate([replace(run, added=others)])
-    return float(np.sum((problem.recorded - simulated.white) ** 2)) if simulated else float("inf")
+    return float(np.sum((problem.recorded - simulated.white) ** 2)) if simulated else None
 
 
 def _made(folder: Path) -> Path:

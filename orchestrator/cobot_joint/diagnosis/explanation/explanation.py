@@ -47,17 +47,15 @@ def answer(problem: Problem, explanation: Explanation) -> Diagnosis:
     repaired = explanation.fit.estimates(units, problem.stretches(explanation.fit.residual))
     left = max(problem.excess(explanation.fit.residual), 0.0)
     findings = [_finding(problem, explanation, selected, repaired, left) for selected in explanation.selected]
-    if explanation.unmodelled:
-        findings.append(explanation.unmodelled.finding)
-    if explanation.outside:
-        findings.append(explanation.outside.finding(problem, before, repaired))
+    others = [explanation.unmodelled.finding] if explanation.unmodelled else []
+    others += [explanation.outside.finding(problem, before, repaired)] if explanation.outside else []
+    findings += [replace(f, ground=_ground(problem, f, left)) for f in others]
     if explanation.rival:
         instead_of = {s.term for s in explanation.selection.selected} - {s.term for s in explanation.rival.selected}
         findings = [_beside(f, explanation.rival) if f.term in instead_of else f for f in findings]
     if misread:  # which of them it is, the recordings cannot say
-        findings = [replace(f, confidence=min(f.confidence, thresholds.WITHHELD)) for f in findings]
-    findings = [replace(f, ground=_ground(problem, f, left)) for f in findings]
-    findings = sorted((replace(f, confidence=_together(f, findings)) for f in findings), key=lambda f: -f.gain)
+        findings = [f.withheld("a channel that is misread would explain as much") for f in findings]
+    findings = sorted((_together(f, findings) for f in findings), key=lambda f: -f.gain)
     return Diagnosis(
         verdict="undecided" if misread else _verdict(findings, left > thresholds.UNDECIDED * problem.excess_scatter),
         findings=findings,
@@ -74,18 +72,19 @@ def answer(problem: Problem, explanation: Explanation) -> Diagnosis:
     )
 
 
-def _together(finding: Finding, all_of_them: Sequence[Finding]) -> float:
-    """Its confidence; no claim where several terms of one unit are needed and the form of one ends at what it allows:
-    together they imitate another."""
+def _together(finding: Finding, all_of_them: Sequence[Finding]) -> Finding:
+    """No claim where several terms of one unit are needed and the form of one ends at what it allows: together they
+    imitate another."""
     beside = [f for f in all_of_them if f.component == finding.component]
-    at_its_end = any(e.at for f in beside for e in f.parameters.values())
-    return min(finding.confidence, thresholds.WITHHELD) if len(beside) > 1 and at_its_end else finding.confidence
+    if len(beside) == 1 or not any(e.at for f in beside for e in f.parameters.values()):
+        return finding
+    return finding.withheld("several terms of one unit are needed, and one ends at a limit of its form")
 
 
 def _beside(finding: Finding, rival: Unmodelled) -> Finding:
     """No claim: a formula in its place leaves less."""
     named = *finding.equivalent[: thresholds.MOST_NAMES - 2], rival.finding.term
-    return replace(finding, confidence=min(finding.confidence, thresholds.WITHHELD), equivalent=named)
+    return replace(finding, equivalent=named).withheld("a formula that is on no list leaves less")
 
 
 def _verdict(findings: Sequence[Finding], much_left: bool) -> Verdict:
@@ -96,14 +95,27 @@ def _verdict(findings: Sequence[Finding], much_left: bool) -> Verdict:
     return "undecided" if much_left else "nothing_missing"
 
 
-def _sure(problem: Problem, explanation: Explanation, selected: Selected, left: float) -> float:
-    """Confidence in a listed term: by what is left, beside a background by the share that it took, or as the recorded
-    motion says. What tens of rows leave is little in itself, so that of a table the share alone counts."""
+def _sure(problem: Problem, explanation: Explanation, selected: Selected, left: float) -> tuple[float, Ground]:
+    """Confidence in a listed term, and on what ground: by what is left, beside a background by the share that it took,
+    or as the recorded motion says. What tens of rows leave is little in itself, so that of a table the share alone
+    counts."""
     rows = problem.is_table and problem.unexplained(explanation.fit.residual)
     much = rows or left > thresholds.CLEARLY_LEFT * problem.excess_scatter
     beside = sure_beside_background(problem, _with_formula(explanation)).get(selected.term, 0.0) if much else 0.0
     along = explanation.anchored.supports(selected.term) if explanation.anchored else 0.0
-    return beside if rows else max(confidence(selected.gain, left), beside, along)
+    if problem.is_table:
+        return beside if rows else max(confidence(selected.gain, left), beside, along), "table"
+    grounds: list[tuple[float, Ground]] = [
+        (confidence(selected.gain, left), "drawn machines"),
+        (beside, "background"),
+        (along, "recorded motion"),
+    ]
+    sure, ground = max(grounds, key=lambda each: each[0])
+    return sure, ground if _is_counted(selected.term) else "term not counted"
+
+
+def _is_counted(term: str) -> bool:
+    return term.rsplit(".")[-1] in COUNTED_TERMS
 
 
 def _with_formula(explanation: Explanation) -> Selection:
@@ -119,11 +131,10 @@ def _ground(problem: Problem, finding: Finding, left: float) -> Ground:
     """What stands behind its confidence."""
     if problem.is_table:
         return "table"
-    if not finding.shape and finding.term.rsplit(".")[-1] not in COUNTED_TERMS:
+    if not finding.shape and not _is_counted(finding.term):
         return "term not counted"
-    return (
-        "drawn machines" if finding.confidence == confidence(finding.gain, left, bool(finding.shape)) else "background"
-    )
+    alone = confidence(finding.gain, left, unlisted=bool(finding.shape))
+    return "drawn machines" if finding.confidence == alone else "background"
 
 
 def _finding(
@@ -136,14 +147,16 @@ def _finding(
     indistinguishable += [equal[selected.term]] if selected.term in equal else []
     alike = sorted(selected.alike, key=selected.alike.__getitem__)
     both = [active, *(on[t] for t in indistinguishable if t in on)]
+    sure, ground = _sure(problem, explanation, selected, left)
     return Finding(
         term=selected.term,
         equivalent=tuple(dict.fromkeys([*indistinguishable, *alike]))[: thresholds.MOST_NAMES - 1],
-        confidence=_sure(problem, explanation, selected, left),
+        confidence=sure,
         onset=active.onset,
         parameters={name: repaired[name] for a in both for name in a.values if name in repaired},
         where=where_it_shows(problem, explanation.fit, active),
         gain=selected.gain,
+        ground=ground,
     )
 
 

@@ -160,6 +160,8 @@ def how_sure(f: Json, d: Json) -> str:
     said = percent(given)
     if d.get("repair") == "withheld":
         return f"{said}: less than even, since its repair is withheld"
+    if f.get("limited_by"):
+        return f"{said}: less than even, since {f['limited_by']}"
     ground = f.get("confidence_from")
     if ground in ("background", "recorded motion") and given >= thresholds.EVEN:
         claims, true = COUNTED_BESIDE

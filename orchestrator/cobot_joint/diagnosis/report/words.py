@@ -180,6 +180,12 @@ def notes(content: Json) -> list[str]:
         for f in content["findings"]
         if (name := f.get("load_history", {}).get("frozen"))
     ]
+    said += [
+        f"{f['recording']}: the {f['variant']} system cannot be simulated ({f['why']})"
+        for f in content.get("not_simulated", ())
+    ]
+    if why := content.get("not_predicted"):
+        said.append(f"no prediction from short distances can be had ({why})")
     said += content.get("mistimed", ())
     if time_was_up := left_out(content):
         said.append(time_was_up)

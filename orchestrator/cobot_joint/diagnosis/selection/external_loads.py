@@ -189,7 +189,7 @@ def _answer(problem: Problem, start: Fit, best: Fit, selected: list[Selected], p
         return Unmodelled(best, selected, replace(finding, shape=form), taken)
     frozen = frozen_meanwhile(problem, loads)
     if frozen:  # what acts then may be what was not logged
-        finding = replace(finding, confidence=min(finding.confidence, thresholds.WITHHELD))
+        finding = finding.withheld(f"{frozen} is one value meanwhile and may not have been logged")
     names = dict.fromkeys(load.recording for load in loads)
     histories = {name: outline([load for load in loads if load.recording == name]) for name in names}
     history = LoadHistory(port.name, port.unit, histories, frozen)

@@ -13,6 +13,7 @@ import numpy as np
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.candidates.score_test import Scan, scores
+from cobot_joint.diagnosis.data.recording import LARGEST
 from cobot_joint.diagnosis.estimation.channels import Reading, Stamps
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.least_squares import Precision, bounded_step, fit, fit_on
@@ -112,7 +113,7 @@ class Misread:
             )
         if reading.drives:  # fitted as what undoes it
             scale = 1 / reading.gain
-            (low, high), shift = (1 / high, 1 / low), (-shift[1] / scale, -shift[0] / scale)
+            (low, high), shift = inverse(low, high), (-shift[1] / scale, -shift[0] / scale)
         return Misreading(
             reading.channel,
             column,
@@ -225,3 +226,8 @@ def _fitted(problem: Problem, calibrated: Fit, suspect: Suspect) -> Fit | None:
     if begun is None or problem.excess(begun.residual) > least:
         return None
     return fit_on(problem, begun, FINISHED)
+
+
+def inverse(low: float, high: float) -> tuple[float, float]:
+    """The interval of 1/x; where x may be 0, of any value."""
+    return (1 / high, 1 / low) if low * high > 0 else (-LARGEST, LARGEST)

@@ -73,15 +73,16 @@ class Outside:
         windage for a cubic drag (machine 167/49). repaired: parameters as they were fitted.
         """
         short = repaired[self.name].at and problem.unexplained(self.fit.residual)
-        return Finding(
+        found = Finding(
             term=self.name,
             equivalent=self.alike[: thresholds.MOST_NAMES - 1],
-            confidence=min(self.confidence(problem), thresholds.WITHHELD if short else 1.0),
+            confidence=self.confidence(problem),
             onset=None,
             parameters={self.name: repaired[self.name]},
             where=where_it_gains(problem, calibrated.residual**2 - self.fit.residual**2),
             gain=self.gain,
         )
+        return found.withheld("it is as far off as it may be, and that is not enough") if short else found
 
 
 def look_outside(

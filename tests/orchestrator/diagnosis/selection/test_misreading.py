@@ -15,7 +15,7 @@ from cobot_joint.diagnosis.estimation.least_squares import fit
 from cobot_joint.diagnosis.estimation.problem import Problem, Run
 from cobot_joint.diagnosis.report.headline import verdict_sentence
 from cobot_joint.diagnosis.report.words import misread, remedy
-from cobot_joint.diagnosis.selection.misreading import look_for_misreading, spares_others
+from cobot_joint.diagnosis.selection.misreading import inverse, look_for_misreading, spares_others
 from cobot_joint.diagnosis.selection.mistimed import look_for_mistiming
 from cobot_joint.diagnosis.thresholds import WITHHELD
 from tests.orchestrator.diagnosis.axis import Axis, campaign
@@ -229,3 +229,11 @@ def test_a_reading_that_costs_other_channels_is_none(more: float, spared: bool) 
             rows = residual[block.rows]
             residual[block.rows] = 0.1 * rows if block.channel == "w_motor" else rows + more
         assert spares_others(problem, base, replace(base, residual=residual), "w_motor") == spared
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.5, 2.0), (-2.0, -0.5), (-0.1, 0.2), (0.0, 0.2), (-0.2, 0.0)])
+def test_the_interval_of_an_input_s_gain_holds_the_inverses_of_all_that_the_fit_allows(low: float, high: float) -> None:
+    first, last = inverse(low, high)
+    inside = np.linspace(low, high, 101)
+    inverses = 1 / inside[inside != 0]
+    assert first <= inverses.min() <= inverses.max() <= last

@@ -331,13 +331,13 @@ def _weighed(problem: Problem, start: Fit, found: Fit, finding: Finding) -> Find
     """With what the fit takes from one without it, and how sure that makes it."""
     gained = start.cost - found.cost
     left, above = max(problem.excess(found.residual), 0.0), max(found.chi2 - problem.samples, 0.0)
-    sure = confidence(gained, left, unlisted=True)
+    sure, as_large = confidence(gained, left, unlisted=True), False
     if left > thresholds.CLEARLY_LEFT * problem.excess_scatter:
         sure = max(sure, beside_background(gained / (gained + above), unlisted=True))
-        if not problem.stands_out(start.residual):  # a background is as large
-            sure = min(sure, thresholds.WITHHELD)
+        as_large = not problem.stands_out(start.residual)
     where = where_it_gains(problem, start.residual**2 - found.residual**2)
-    return replace(finding, confidence=sure, where=where, gain=gained)
+    weighed = replace(finding, confidence=sure, where=where, gain=gained)
+    return weighed.withheld("a background may be as large") if as_large else weighed
 
 
 def without_what_it_replaces(problem: Problem, found: Unmodelled) -> Unmodelled:

@@ -156,8 +156,7 @@ def new(
         str | None,
         typer.Option(
             help="Parts in a row: loop, motor, motion, gear, harmonic, cycloidal, sensor, elastic, shaft, "
-            "load, link, pendulum, screw, brake; "
-            "friction."
+            "load, link, pendulum, screw, brake; or friction, alone: a table of speeds and torques."
         ),
     ] = None,
     from_: Annotated[str | None, typer.Option("--from", help="A system to start from, by name or file.")] = None,
@@ -201,7 +200,7 @@ def _shaft(made: Chain) -> list[str]:
         return []
     k, c_s = names.index("shaft"), made.system.component("shaft").parameters["shaft.c_s"]
     between = f"a shaft of {c_s:g} N.m/rad stands between {names[k - 1]} and {names[k + 1]}"
-    return [f"{between}; where that is assumed: --set 'shaft.c_s=VALUE'\n"]
+    return [f"{between}; that stiffness is assumed: set the real one with --set 'shaft.c_s=VALUE'\n"]
 
 
 def _campaign(system: System, folder: Path) -> str:

@@ -1,4 +1,6 @@
-"""Every number that decides what a diagnosis says, with its source. Grids and step sizes stand where they are used.
+"""Numbers that decide what a diagnosis says and that several modules share, with their sources.
+
+Grids, step sizes and numbers of one module alone stand where they are used.
 
 Sources: [count] the 500 drawn campaigns of docs/diagnosis-calibration.md, which count all of these together;
 [naming] docs/decisions/0011-naming.md, which says what happened without it; others by name.

@@ -273,7 +273,7 @@ def _skews(lags: Mapping[str, Sequence[tuple[str, float]]], runs: Mapping[str, i
         tau = float(np.median(delays))
         evidence = (
             f"it comes {1e3 * abs(tau):.2g} ms {'after' if tau > 0 else 'before'} the nominal system in every run: "
-            f"stamped late, filtered, or a lag of the machine; stamps are put right with late"
+            f"late time stamps, a filter, or a lag of the machine; correct stamps with late in [[recording]]"
         )
         yield Suspicion(", ".join(run for run, _ in seen), name, "late", evidence)
 

@@ -259,7 +259,7 @@ def tolerances(component: Component, fits: Mapping[str, str]) -> dict[str, str]:
     lines = {n: f'"{off}"' for n, off in fits.items() if nominal[n] != 0.0}
     if "friction.tau_C" in lines and component.parameters.get("friction.law") != STICKS["friction.law"]:
         w_C = float(component.parameters.get("friction.w_C", component.unit.variables["friction.w_C"].start) or 0.0)
-        why = "guess: real dry friction holds at rest, the unit's changes sign over w_C"
+        why = "guess: the unit smooths dry friction below w_C, which no data sheet gives"
         lines["friction.w_C"] = f"[{SHARPEST * w_C:g}, {w_C:g}]   # {why}"
     return lines
 

@@ -1,4 +1,4 @@
-"""Calls beside each other, on every core: one per recording, or one per term."""
+"""Calls beside each other, two at a time: one per recording, or one per term."""
 
 from __future__ import annotations
 

@@ -39,12 +39,12 @@ def verdict_sentence(d: Json, terms: Mapping[str, TermText]) -> str:
     """The answer in one sentence."""
     findings = d["findings"]
     if d["verdict"] == "nothing_missing" and d.get("discrepancy"):
-        said = "what the system leaves is a background that no listed term predicts better"
+        said = "what remains is diffuse model error that no known effect explains"
         return f"Nothing is worth a name: {said}{_largest(d['discrepancy'])}."
     if d["verdict"] == "nothing_missing":
         return "Nothing is missing: inside its tolerances the system explains these recordings down to the noise."
     if m := d.get("misreading"):
-        takes = f"which alone takes {percent(m['takes'])} of the difference"
+        takes = f"which alone explains {percent(m['takes'])} of the difference"
         others = [f"{_parameter(f)} is outside its tolerance" for f in findings if is_parameter(f["term"], terms)]
         return f"Undecided: {', or '.join([f'{misread(m)}, {takes}', *others])}, or the machine lacks something."
     if not findings:
@@ -60,7 +60,7 @@ def verdict_sentence(d: Json, terms: Mapping[str, TermText]) -> str:
     tail = "" if better is None else f"; {how} removes {percent(better[0])} of the error above the noise{better[1]}"
     if max(f.get("confidence") or 0.0 for f in findings) < thresholds.EVEN:
         nearest = " and ".join(_said(f, terms) for f in listed_first)
-        return f"No name is more likely right than wrong; nearest comes {nearest}{tail}."
+        return f"No effect reaches 50 % confidence; the closest is {nearest}{tail}."
     lacks = [_said(f, terms) for f in listed_first if f not in outside]
     parts = [f"The model lacks {' and '.join(lacks)}"] * bool(lacks)
     for f in outside:

@@ -104,7 +104,7 @@ def remedy(m: Json | None) -> str | None:
         name = m["column"]
         return (
             f"Hold the clock of {name} against that of the other channels. If it is off, {undone}, and diagnose again; "
-            f"if it is right, say scale = 1 for {name} in [channels]: then it is believed, and the machine is asked."
+            f"if it is right, say scale = 1 for {name} in [channels]: the diagnosis then trusts it and looks for the cause in the machine."
         )
     gain, offset = _off(m)
     keys = [f"scale = {1 / m['gain']['value']:.5g}"] if gain else []
@@ -112,7 +112,7 @@ def remedy(m: Json | None) -> str | None:
     keys += [f'offset = "{shift:.5g} {m["offset"]["unit"]}"'] if offset else []
     return (
         f"Hold {m['column']} against another instrument. If its log is wrong, say {', '.join(keys)} for it in "
-        f"[channels] and diagnose again; if it is right, say scale = 1: then it is believed, and the machine is asked."
+        f"[channels] and diagnose again; if it is right, say scale = 1: the diagnosis then trusts it and looks for the cause in the machine."
     )
 
 
@@ -172,9 +172,9 @@ def notes(content: Json) -> list[str]:
             else "what was found does not predict held-out runs better than the system without it"
         )
     if refuted := content.get("refuted"):
-        one = "outside its tolerance fits, and does not predict"
-        several = "outside their tolerances fit, and do not predict"
-        said.append(f"{' and '.join(refuted)} {one if len(refuted) == 1 else several}: that is not it")
+        one = "outside its tolerance improves the training runs, not the held-out ones: rejected"
+        several = "outside their tolerances improve the training runs, not the held-out ones: rejected"
+        said.append(f"{' and '.join(refuted)} {one if len(refuted) == 1 else several}")
     said += [
         f"{name} is one value while these loads act, and moves before: an input that froze in the log looks like this"
         for f in content["findings"]

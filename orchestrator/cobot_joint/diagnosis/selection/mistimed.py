@@ -96,12 +96,12 @@ def _unbent(problem: Problem, calibrated: Fit, channel: str, step: float) -> flo
 
 def _late_in_words(problem: Problem, channel: str, late: float) -> str:
     inputs = dict.fromkeys(n for r in problem.recordings for n, x in r.inputs.items() if np.ptp(x) > 0)
-    when, stamped, others = ("after", "late", "early") if late > 0 else ("before", "early", "late")
-    drives = f", or {' or '.join(inputs)} {others}" if inputs else ""
-    machine = ", or it is filtered, or the machine lags" if late > 0 else ""
+    leads, stamped, others = ("lags", "late", "early") if late > 0 else ("leads", "early", "late")
+    drives = f", {' or '.join(inputs)} stamped {others}" if inputs else ""
+    machine = ", a filter, or a lag of the machine" if late > 0 else ""
     return (
-        f"{channel} comes {1e3 * abs(late):.2g} ms {when} the re-fitted system in every run that tells: "
-        f"it is stamped {stamped}{drives}{machine}; stamps are put right with late"
+        f"{channel} {leads} the re-fitted system by {1e3 * abs(late):.2g} ms in every run that shows it; possible "
+        f"causes: {channel} stamped {stamped}{drives}{machine}; correct stamps with late in [[recording]]"
     )
 
 

@@ -100,12 +100,12 @@ def words(text: str) -> str:
         (
             "explained",
             [FINDING | {"confidence": 0.3}],
-            "No name is more likely right than wrong; nearest comes Stribeck friction in planetary_gear (30 % sure)",
+            "No effect reaches 50 % confidence; the closest is Stribeck friction in planetary_gear (30 % sure)",
         ),
         (
             "explained",
             [FINDING | {"confidence": 0.45, "equivalent": ["motor_bldc.unlisted"]}],
-            "comes Stribeck friction in planetary_gear, or an effect that is on no list at motor_bldc (45 % sure)",
+            "the closest is Stribeck friction in planetary_gear, or an effect that is on no list at motor_bldc (45 % sure)",
         ),
         (
             "explained",
@@ -142,7 +142,7 @@ def test_a_misread_channel_is_the_verdict_and_what_undoes_it_the_next_step() -> 
     report = data("undecided", [])
     told = {**report.diagnosis, "misreading": misread, "next_experiment": remedy(misread)}
     text = words(render(replace(report, diagnosis=told)))
-    assert "Undecided: current is logged 1.1 times what is there, which alone takes 99.9 % of the difference" in text
+    assert "Undecided: current is logged 1.1 times what is there, which alone explains 99.9 % of the difference" in text
     assert "say scale = 0.90909 for it in [channels]" in text
 
 

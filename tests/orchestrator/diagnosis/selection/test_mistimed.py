@@ -36,9 +36,9 @@ def said(late: int) -> list[str]:
 
 def test_a_channel_that_is_late_beside_a_background_is_said_to_be() -> None:
     (words,) = said(LATE)
-    assert words.startswith("w comes ")
-    assert float(words.split()[2]) == pytest.approx(1e3 * LATE * STEP, rel=0.1)
-    assert "it is stamped late, or u early, or it is filtered" in words
+    assert words.startswith("w lags the re-fitted system by ")
+    assert float(words.split()[6]) == pytest.approx(1e3 * LATE * STEP, rel=0.1)
+    assert "w stamped late, u stamped early, a filter" in words
 
 
 def test_a_background_alone_is_no_delay() -> None:

@@ -104,7 +104,8 @@ def remedy(m: Json | None) -> str | None:
         name = m["column"]
         return (
             f"Hold the clock of {name} against that of the other channels. If it is off, {undone}, and diagnose again; "
-            f"if it is right, say scale = 1 for {name} in [channels]: the diagnosis then trusts it and looks for the cause in the machine."
+            f"if it is right, say scale = 1 for {name} in [channels]: the diagnosis then trusts it and looks for the "
+            f"cause in the machine."
         )
     gain, offset = _off(m)
     keys = [f"scale = {1 / m['gain']['value']:.5g}"] if gain else []
@@ -112,7 +113,8 @@ def remedy(m: Json | None) -> str | None:
     keys += [f'offset = "{shift:.5g} {m["offset"]["unit"]}"'] if offset else []
     return (
         f"Hold {m['column']} against another instrument. If its log is wrong, say {', '.join(keys)} for it in "
-        f"[channels] and diagnose again; if it is right, say scale = 1: the diagnosis then trusts it and looks for the cause in the machine."
+        f"[channels] and diagnose again; if it is right, say scale = 1: the diagnosis then trusts it and looks for the "
+        f"cause in the machine."
     )
 
 

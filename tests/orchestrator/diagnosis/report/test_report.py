@@ -105,7 +105,7 @@ def words(text: str) -> str:
         (
             "explained",
             [FINDING | {"confidence": 0.45, "equivalent": ["motor_bldc.unlisted"]}],
-            "the closest is Stribeck friction in planetary_gear, or an effect that is on no list at motor_bldc (45 % sure)",
+            "closest is Stribeck friction in planetary_gear, or an effect that is on no list at motor_bldc (45 % sure)",
         ),
         (
             "explained",

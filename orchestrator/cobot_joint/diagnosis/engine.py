@@ -23,7 +23,7 @@ from cobot_joint.diagnosis.estimation.problem import Problem, one_blas_thread
 from cobot_joint.diagnosis.experiments.discriminate import advise
 from cobot_joint.diagnosis.explanation.beyond_the_list import BeyondTheList
 from cobot_joint.diagnosis.explanation.explanation import Explanation, answer, units_of
-from cobot_joint.diagnosis.findings import Diagnosis
+from cobot_joint.diagnosis.findings import Diagnosis, Verdict
 from cobot_joint.diagnosis.localization.isolability import prefetch
 from cobot_joint.diagnosis.localization.localize import locate_difference
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
@@ -100,9 +100,16 @@ def _diagnosed(campaign: Campaign, plant: Plant, say: Progress, store: Store, bu
     found.left_out = budget.left_out
     if found.left_out:  # what was not looked at may explain it better: no name is a claim yet
         found.findings = [f.withheld("time was up before everything was tried") for f in found.findings]
-        found.verdict = "undecided" if found.verdict == "nothing_missing" else found.verdict
+    found.verdict = verdict(found)
     found.seconds = time.monotonic() - begun
     return found
+
+
+def verdict(found: Diagnosis) -> Verdict:
+    """As it stands, but undecided where no finding is a claim, and where time was up before anything was found."""
+    nothing_claimed = found.findings and all(f.confidence < thresholds.EVEN for f in found.findings)
+    cut_short = found.left_out and found.verdict == "nothing_missing"
+    return "undecided" if nothing_claimed or cut_short else found.verdict
 
 
 def _located(problem: Problem, calibrated: Fit, store: Store) -> dict[str, Any]:

@@ -24,6 +24,7 @@ console = Screen()
 if not console.is_terminal:
     console = Screen(width=160)
 POINTS = 4000  # of a channel in a picture
+STIFF = 50.0  # Hz, at which a load rings on a spring that a machine has only in the model
 
 
 def inspect(
@@ -189,6 +190,7 @@ def new(
     console.print(write_readable(made.system, words, folder / "system.ssd"), soft_wrap=True)
     if chain and "shaft" not in parts:
         console.print(*_shaft(made), sep="", end="")
+    console.print(*_ringing(made), sep="", end="")
     (folder / "campaign.toml").write_text(_campaign(made.system, folder), encoding="utf-8")
     console.print(folder / "campaign.toml", soft_wrap=True)
 
@@ -201,6 +203,29 @@ def _shaft(made: Chain) -> list[str]:
     k, c_s = names.index("shaft"), made.system.component("shaft").parameters["shaft.c_s"]
     between = f"a shaft of {c_s:g} N.m/rad stands between {names[k - 1]} and {names[k + 1]}"
     return [f"{between}; that stiffness is assumed: set the real one with --set 'shaft.c_s=VALUE'\n"]
+
+
+def _ringing(made: Chain) -> list[str]:
+    """What a load behind recorded motion rings at on the sensor's spring, where little damps it, and what to set where
+    no data sheet gives a spring; nothing: there is no such load."""
+    import math
+
+    names = list(made.parts)
+    parts = {c.name: c for c in made.system.components}
+    if names[:2] != ["motion", "sensor"] or parts[names[2]].unit.name != "driven_load":
+        return []
+    load, spring = parts[names[2]].parameters, parts["sensor"].parameters
+    J = load.get("body.J", 0.0) + load.get("body.m", 0.0) * load.get("body.r", 0.0) ** 2
+    c_s, d_s = spring["shaft.c_s"], spring["shaft.d_s"]
+    if not J > 0 or not c_s > 0 or d_s >= math.sqrt(c_s * J):  # half of critical damping, 2 sqrt(c_s J)
+        return []
+    f, damped = math.sqrt(c_s / J) / (2 * math.pi), d_s / (2 * math.sqrt(c_s * J))
+    c = J * (2 * math.pi * STIFF) ** 2
+    stiff = f"--set sensor.c_s={c:.4g} --set sensor.d_s={1.4 * math.sqrt(c * J):.3g}"
+    return [
+        f"on the sensor's spring the {names[2]} rings at {f:.3g} Hz, damped by {100 * damped:.2g} %: recorded motion "
+        f"excites it. If the machine has no such spring: {stiff}\n"
+    ]
 
 
 def _campaign(system: System, folder: Path) -> str:

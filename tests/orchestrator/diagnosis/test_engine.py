@@ -15,14 +15,14 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from cobot_joint.diagnosis.candidates.score_test import Scan
 from cobot_joint.diagnosis.data.campaign import Campaign
-from cobot_joint.diagnosis.engine import diagnose_plant, identify
+from cobot_joint.diagnosis.engine import diagnose_plant, identify, verdict
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, bounded_step, fit
 from cobot_joint.diagnosis.estimation.noise import Noise
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.explanation import explanation
-from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding
+from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding, Verdict
 from cobot_joint.diagnosis.plant.plant import Plant, Signals
 from cobot_joint.diagnosis.repair.repair import onsets
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
@@ -328,4 +328,22 @@ def test_two_terms_of_one_unit_of_which_one_ends_at_a_bound_are_no_claim(
     at_its_end = Estimate(1.0, "1", (1.0, 1.0), at)
     first = Finding("a.first", (), 0.9, None, {"a.first.x": at_its_end}, {}, 50.0)
     second = Finding(f"{component}.second", (), 0.9, None, {}, {}, 40.0)
-    assert explanation._together(second, [first, second]) == sure
+    assert explanation._together(second, [first, second]).confidence == sure
+
+
+@pytest.mark.parametrize(
+    ("given", "sure", "left_out", "said"),
+    [
+        ("explained", [0.9, 0.2], [], "explained"),
+        ("explained", [0.45, 0.2], [], "undecided"),
+        ("unlisted", [0.3], [], "undecided"),
+        ("nothing_missing", [], [], "nothing_missing"),
+        ("nothing_missing", [], ["formulas"], "undecided"),
+    ],
+)
+def test_a_verdict_claims_no_more_than_its_findings(
+    given: Verdict, sure: list[float], left_out: list[str], said: Verdict
+) -> None:
+    """A healthy axis was `explained` by a term that was 20 % sure."""
+    findings = [Finding("axis.windage", (), c, None, {}, {}, 1.0) for c in sure]
+    assert verdict(Diagnosis(given, findings, {}, {}, left_out=left_out)) == said

@@ -277,7 +277,7 @@ def test_dry_friction_of_what_is_drafted_sticks_or_may_be_sharper_than_its_unit_
     assert [system.component(name).parameters["friction.law"] for name in ("motor", "load")] == [2, 2]
     for drafted in ("axis", "first"):
         text = (tmp_path / drafted / "campaign.toml").read_text()
-        assert '"gear.friction.w_C" = [0.02, 1]   # guess: real dry friction holds at rest' in text
+        assert '"gear.friction.w_C" = [0.02, 1]   # guess: the unit smooths dry friction below w_C' in text
         assert '"motor.friction.w_C"' not in text  # which has no say where friction sticks
 
 
@@ -374,3 +374,16 @@ def test_a_campaign_that_nothing_drives_is_refused(tmp_path: Path, cobot_joint: 
     (tmp_path / "axis/campaign.toml").write_text(text)
     done = cobot_joint("diagnose", "axis/campaign.toml", "--out", "found")
     assert (done.returncode, "no column drives the system" in done.stderr) == (2, True), done.stderr
+
+
+@pytest.mark.parametrize(("spring", "rings"), [([], True), (["sensor.c_s=4935", "sensor.d_s=22"], False)])
+def test_a_load_that_would_ring_behind_recorded_motion_is_said_with_what_to_set(
+    tmp_path: Path, cobot_joint: Callable[..., Done], spring: list[str], rings: bool
+) -> None:
+    settings = [word for value in ["load.J=0.05", *spring] for word in ("--set", value)]
+    done = cobot_joint("new", "--chain", "motion,sensor,load", "--out", "axis", *settings)
+    assert done.returncode == 0
+    said = "the load rings at 22 Hz, damped by 1.4 %"
+    assert (
+        (said in done.stdout) == ("--set sensor.c_s=4935 --set sensor.d_s=22" in " ".join(done.stdout.split())) == rings
+    )

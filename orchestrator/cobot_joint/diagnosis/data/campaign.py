@@ -22,8 +22,9 @@ from cobot_joint.diagnosis.data.campaign_file import (
     Values,
 )
 from cobot_joint.diagnosis.data.check import check
+from cobot_joint.diagnosis.data.conditioning import smoothed
 from cobot_joint.diagnosis.data.formats import nearest
-from cobot_joint.diagnosis.data.parameters import run_values, with_values
+from cobot_joint.diagnosis.data.parameters import imposed, moving_starts, run_values, with_values
 from cobot_joint.diagnosis.data.recording import Column, Connector, Recording, Role, read_recording
 from cobot_joint.diagnosis.data.suspicion import Suspicion, without_faults
 from cobot_joint.diagnosis.data.tables import read_table
@@ -123,6 +124,7 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
             recording = read_table(files, connectors, wired, reading)
         else:
             recording = read_recording(files[0], connectors, wired, reading)
+            _take_motion(recording, systems[setup])
         recording.initial |= run_values(entry.parameters, systems[setup], f"{path}: recording {entry.file!r}")
         if entry.begin is not None or entry.end is not None:  # two windows of one file
             recording.name += f" from {recording.time[0]:.4g} s to {recording.time[-1]:.4g} s"
@@ -134,6 +136,19 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
         if names.count(recording.name) > 1 and recording.path:
             recording.name = recording.path.name
     return campaign
+
+
+def _take_motion(recording: Recording, system: System) -> None:
+    """Recorded motion as an input, less its noise; start values of what it drives, but for those that are given."""
+    for name in imposed(system, recording.inputs):
+        recording.inputs[name], width = smoothed(recording.inputs[name])
+        if width > 1:
+            recording.notes.append(f"{name}: recorded motion is an input, and smoothed over {width} samples")
+    starts = {n: w for n, w in moving_starts(system, recording.inputs).items() if n not in recording.initial}
+    recording.initial |= starts
+    if starts:
+        said = ", ".join(f"{name} starts at {w:.4g} rad/s" for name, w in starts.items())
+        recording.notes.append(f"it begins in motion: {said}")
 
 
 def _each_once(path: Path, given: CampaignFile) -> None:

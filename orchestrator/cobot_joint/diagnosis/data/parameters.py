@@ -1,4 +1,5 @@
-"""Values that a campaign gives to a system's parameters: numbers, choices, and quantities in any unit that converts."""
+"""Values that a campaign gives to a system's parameters: numbers, choices, and quantities in any unit that converts;
+start values that follow from recorded motion."""
 
 from __future__ import annotations
 
@@ -7,13 +8,16 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cobot_joint.diagnosis.data.quantity import convert
 from cobot_joint.errors import UserError, among
-from cobot_joint.system.model import System, Value
+from cobot_joint.system.model import Component, System, Value
 from cobot_joint.system.parameters import checked, split
 from cobot_joint.units import Unit
 
+IMPOSED = "w_imposed"  # input of a unit whose motion is recorded
+STILL = 0.01  # of the largest speed in a recording, up to which it begins at rest
 QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*")  # "9 uN.m.s/rad"
 
 
@@ -58,3 +62,58 @@ def parameter(unit: Unit, name: str, given: Value | str, where: str) -> Value:
         measure = unit.unit_of(name) or "1"
         given = float(convert(np.array([float(match[1])]), match[2], measure, where)[0][0])
     return checked(unit, name, given, where)
+
+
+def imposed(system: System, inputs: Mapping[str, NDArray[np.float64]]) -> list[str]:
+    """Those of the system's inputs that are recorded motion."""
+    wires = [w for w in system.connections if w.source_component is None and w.sink == IMPOSED]
+    return [name for name in dict.fromkeys(w.source for w in wires) if name in inputs]
+
+
+def moving_starts(system: System, inputs: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:
+    """`component.state` -> speed at the first sample, of all that recorded motion drives, through springs and gears.
+
+    inputs: of the system, (n,) each. Left at rest beside a shaft that moves, a load rings on its spring from the start
+    on: a healthy axis was said to have an effect at its sensor, 95 % sure.
+    """
+    speeds: dict[tuple[str, str], float] = {}
+    for wire in system.connections:
+        x = inputs.get(wire.source) if wire.source_component is None else None
+        if x is None or wire.sink != IMPOSED or wire.sink_component is None:
+            continue
+        first = float(x[np.argmax(np.isfinite(x))])
+        if abs(first) > STILL * float(np.nanmax(np.abs(x))):
+            (flange,) = system.component(wire.sink_component).unit.flanges
+            speeds[wire.sink_component, flange.w] = wire.factor * first + wire.offset
+    driven: dict[str, float] = {}
+    for _ in system.components:  # from one to the next
+        for component in system.components:
+            driven |= _passed_on(system, component, speeds)
+    return driven
+
+
+def _passed_on(system: System, component: Component, speeds: dict[tuple[str, str], float]) -> dict[str, float]:
+    """State -> speed behind a component of two flanges, one of which is known to turn; `speeds` is added to."""
+    if len(component.unit.flanges) != 2:
+        return {}
+    ends = [_end(system, component, flange.w) for flange in component.unit.flanges]
+    ratio = component.unit.variables.get("ratio.N")
+    N = float(component.parameters.get("ratio.N", ratio.start)) if ratio is not None else 1.0
+    for known, other, times in ((0, 1, 1 / N), (1, 0, N)):
+        at, to = ends[known], ends[other]
+        if at is None or to is None or at not in speeds or to in speeds:
+            continue
+        speeds[to] = times * speeds[at]
+        name, variable = to
+        states = system.component(name).unit.states
+        state = next((s for s in (variable, f"x_{variable}") if s in states), None)
+        return {f"{name}.{state}": speeds[to]} if state else {}
+    return {}
+
+
+def _end(system: System, component: Component, variable: str) -> tuple[str, str] | None:
+    """Whose output a flange's speed is; None: nobody's."""
+    if component.unit.variables[variable].causality == "output":
+        return component.name, variable
+    wires = (w for w in system.connections if (w.sink_component, w.sink) == (component.name, variable))
+    return next(((w.source_component, w.source) for w in wires if w.source_component), None)

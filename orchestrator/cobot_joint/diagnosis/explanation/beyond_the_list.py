@@ -15,7 +15,7 @@ from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.estimation.calibrate import basis
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem
-from cobot_joint.diagnosis.explanation.closed_loop import chi2_in_closed_loop
+from cobot_joint.diagnosis.explanation.closed_loop import chi2_in_closed_loop, without_waves
 from cobot_joint.diagnosis.explanation.explanation import Explanation, sure_beside_background
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.selection.elimination import prune, worth_naming
@@ -105,15 +105,19 @@ class BeyondTheList:
 
     def _fails_in_closed_loop(self, formula: Unmodelled) -> bool:
         """Whether listed terms leave less than the formula does by the motion that it leads to: of a machine that
-        sticks, a formula along the recorded motion knows when, and took the place of Stribeck friction."""
-        if not self.listed.selected or not formula.goes_by_signals or self._is_lost(formula):
+        sticks, a formula along the recorded motion knows when, and took the place of Stribeck friction. Of one that
+        goes by an angle that free runs lose, the rest has to leave no more than the base model does."""
+        lost = self._is_lost(formula)
+        tested = without_waves(formula) if lost else formula
+        if not self.listed.selected or tested is None or not tested.goes_by_signals:
             return False
         if not isinstance(self.problem.plant, FmuPlant):
             return False
-        left = chi2_in_closed_loop(self.problem, self.campaign.systems(), formula)
-        if left is not None and left <= self.listed.fit.chi2:
+        left = chi2_in_closed_loop(self.problem, self.campaign.systems(), tested)
+        other, words = (self.calibrated, "nothing added") if lost else (self.listed.fit, "listed terms")
+        if left is not None and left <= other.chi2:
             return False
-        why = "the system cannot be simulated" if left is None else "more is left than listed terms leave"
+        why = "the system cannot be simulated" if left is None else f"more is left than with {words}"
         self.say(f"{formula.finding.term} by the motion that it leads to: {why}")
         return True
 

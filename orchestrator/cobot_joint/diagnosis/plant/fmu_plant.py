@@ -254,7 +254,8 @@ def _shape(component: str, unit: Unit, shape: Shape) -> ScannedShape:
 
 
 def _ports(component: Component) -> list[Port]:
-    """Additive inputs; the signals of a port are the unit's own motion, torque and current."""
+    """Additive inputs; the signals of a port are the unit's own motion, torque and current. A load that the port shows
+    in at once is none of an effect there: it would depend on itself."""
     unit = component.unit
 
     def own(kinds: Collection[str], causalities: Collection[str] = ("input", "output")) -> list[str]:
@@ -275,8 +276,15 @@ def _ports(component: Component) -> list[Port]:
     loads = sorted(own(LOADS), key=lambda n: (n in outside, unit.variables[n].causality == "input"))
     signals, angles = full(own((*MOTION, *LOADS, "V"))), full(own(("rad",)))
     voltages, speeds = full(own(("V",), ("input",))), full(own(SPEEDS))
+    at_once = {n: unit.feeds_through(n) for n in loads if unit.variables[n].causality == "output"}
+
+    def port(name: str) -> Port:
+        others = full(n for n in loads if name not in at_once.get(n, ()))
+        measure = unit.unit_of(name) or "1"
+        return Port(f"{component.name}.{name}", measure, signals, angles, "", others, voltages, speeds)
+
     return [
-        Port(f"{component.name}.{name}", unit.unit_of(name) or "1", signals, angles, "", full(loads), voltages, speeds)
+        port(name)
         for name, variable in unit.variables.items()
         if variable.causality == "input" and variable.type == "Real" and name.endswith(ADDITIVE)
     ]

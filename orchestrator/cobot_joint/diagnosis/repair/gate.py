@@ -50,7 +50,7 @@ def judged(channels: Channels) -> Literal["offered", "withheld"]:
 def fails(channels: Channels) -> Literal["holdout", "train"] | None:
     """The runs in which the repair is worse, or no better; None: in neither."""
     roles: dict[Literal["holdout", "train"], tuple[str, ...]]
-    roles = {"holdout": ("nominal", "calibrated"), "train": ("calibrated",)}
+    roles = {"train": ("calibrated",), "holdout": ("nominal", "calibrated")}  # what does not fit, does not predict
     for role, others in roles.items():
         error, free = above_noise(channels, role), above_noise(channels, role, free=True)
         if not error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
@@ -18,7 +19,7 @@ from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.noise import Noise
 from cobot_joint.diagnosis.estimation.problem import Problem, Run
 from cobot_joint.diagnosis.explanation.beyond_the_list import BeyondTheList
-from cobot_joint.diagnosis.explanation.closed_loop import chi2_in_closed_loop
+from cobot_joint.diagnosis.explanation.closed_loop import chi2_in_closed_loop, without_waves
 from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.plant.correction import Factor, Product, formula_parameters
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
@@ -68,6 +69,7 @@ def test_a_formula_that_leaves_more_than_listed_terms_do_by_its_own_motion_is_no
         base = Fit(hypothesis, np.zeros(1), 0.0, run.white, run, np.zeros((problem.rows, 1)), 0)
         formula = Unmodelled(base, [], drag(size), 0.99)
         left = chi2_in_closed_loop(problem, systems, formula)
+        assert left is not None
         assert (left < 1.2 * problem.samples) == holds
         told: list[str] = []
         listed = SimpleNamespace(selected=["load.windage"], fit=SimpleNamespace(chi2=2.0 * problem.samples))
@@ -76,3 +78,19 @@ def test_a_formula_that_leaves_more_than_listed_terms_do_by_its_own_motion_is_no
         )
         assert BeyondTheList._fails_in_closed_loop(cast(BeyondTheList, asked), formula) is not holds
     assert bool(told) is not holds
+
+
+def test_of_a_formula_over_an_angle_the_rest_has_to_hold_by_its_own_motion() -> None:
+    """An axis with Stribeck friction was said to have a formula of an angle and of half its own friction, which made
+    its speed twice as wrong."""
+    features = [Factor("phi", "sin", 17.0)], [Factor("w", "tanh", 0.2)], [Factor("w", "u"), Factor("phi", "cos", 2.0)]
+    drawn = tuple(Feature(Product(tuple(f)), Estimate(0.1, "N.m", (0.1, 0.1))) for f in features)
+    finding = drag(DRAG)
+    assert finding.shape is not None
+    both = Unmodelled(cast(Fit, None), [], replace(finding, shape=replace(finding.shape, features=drawn)), 0.9)
+    rest = without_waves(both)
+    assert rest is not None
+    assert rest.finding.shape is not None
+    assert rest.finding.shape.features == drawn[1:2]
+    waves = replace(finding, shape=replace(finding.shape, features=drawn[:1]))
+    assert without_waves(Unmodelled(cast(Fit, None), [], waves, 0.9)) is None

@@ -44,3 +44,14 @@ def test_units_are_not_freed_under_a_thread_that_works(monkeypatch: pytest.Monke
     assert results[0][1] == []
     with pytest.raises(SimulationError, match="the simulation is over"):
         plant.simulate({}, recording)
+
+
+def test_no_effect_at_a_port_goes_by_a_load_that_the_port_shows_in_at_once() -> None:
+    """A formula for a sensor's reading that took the reading itself made a loop without a solution, and the diagnosis
+    ended without an answer."""
+    systems = {"": load_system("joint_logged")}
+    with FmuPlant(systems) as plant:
+        ports = {port.name: port.loads for port in plant.ports}
+    assert ports["torque_sensor.y_add"] == ("torque_sensor.tau_s",)
+    assert "planetary_gear.tau" not in ports["planetary_gear.tau_add"]
+    assert "planetary_gear.tau" in ports["planetary_gear.tau_o_add"]

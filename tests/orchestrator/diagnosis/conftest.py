@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from cobot_joint.cli import main
 from tests.orchestrator.diagnosis.made_up import record
+from tests.orchestrator.diagnosis.typed import Done
 
 AXIS_XML = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="2.0" modelName="axis" guid="{axis}">
@@ -65,3 +69,20 @@ def campaign_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
         text += f'[[recording]]\nfile = "{name}.parquet"\nsetup = "{setup}"\nrole = "{role}"\n'
     (folder / "campaign.toml").write_text(text)
     return folder / "campaign.toml"
+
+
+@pytest.fixture
+def cobot_joint(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., Done]:
+    """The command as typed in the test's folder, in this process."""
+
+    def call(*words: str) -> Done:
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(sys, "argv", ["cobot-joint", *words])
+        with pytest.raises(SystemExit) as left:
+            main()
+        said = capsys.readouterr()
+        return Done(int(left.value.code or 0), said.out, said.err)
+
+    return call

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
-from cobot_joint.cli import main
 from cobot_joint.cosim import Experiment, Simulation
 from cobot_joint.diagnosis.checks.inspection import inspect_log
 from cobot_joint.diagnosis.data.campaign import load_campaign
@@ -24,32 +22,9 @@ from cobot_joint.diagnosis.plant.correction import formula_parameters
 from cobot_joint.diagnosis.repair.export import Correction, with_correction
 from cobot_joint.system import load_system
 from cobot_joint.system.model import Inputs, System
+from tests.orchestrator.diagnosis.typed import Done
 
 T = np.arange(4000) * 1e-3
-
-
-@dataclass(frozen=True)
-class Done:
-    returncode: int
-    stdout: str
-    stderr: str
-
-
-@pytest.fixture
-def cobot_joint(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[..., Done]:
-    """The command as typed in the test's folder, in this process."""
-
-    def call(*words: str) -> Done:
-        monkeypatch.chdir(tmp_path)
-        monkeypatch.setattr(sys, "argv", ["cobot-joint", *words])
-        with pytest.raises(SystemExit) as left:
-            main()
-        said = capsys.readouterr()
-        return Done(int(left.value.code or 0), said.out, said.err)
-
-    return call
 
 
 def write(folder: Path, name: str) -> None:
@@ -374,16 +349,3 @@ def test_a_campaign_that_nothing_drives_is_refused(tmp_path: Path, cobot_joint: 
     (tmp_path / "axis/campaign.toml").write_text(text)
     done = cobot_joint("diagnose", "axis/campaign.toml", "--out", "found")
     assert (done.returncode, "no column drives the system" in done.stderr) == (2, True), done.stderr
-
-
-@pytest.mark.parametrize(("spring", "rings"), [([], True), (["sensor.c_s=4935", "sensor.d_s=22"], False)])
-def test_a_load_that_would_ring_behind_recorded_motion_is_said_with_what_to_set(
-    tmp_path: Path, cobot_joint: Callable[..., Done], spring: list[str], rings: bool
-) -> None:
-    settings = [word for value in ["load.J=0.05", *spring] for word in ("--set", value)]
-    done = cobot_joint("new", "--chain", "motion,sensor,load", "--out", "axis", *settings)
-    assert done.returncode == 0
-    said = "the load rings at 22 Hz, damped by 1.4 %"
-    assert (
-        (said in done.stdout) == ("--set sensor.c_s=4935 --set sensor.d_s=22" in " ".join(done.stdout.split())) == rings
-    )

@@ -131,11 +131,12 @@ def campaign_text(
     tolerances: Mapping[str, str] | None = None,
     given: Mapping[str, str | int] | None = None,
 ) -> str:
-    """campaign.toml with its guesses marked. tolerances: as TOML. given: further keys of recordings."""
+    """campaign.toml with its guesses marked. tolerances: as TOML, "" for a parameter that is 0. given: further keys of
+    recordings."""
     lines = [f"title = {_quoted(title)}", f"system = {_quoted(system)}", "", *_channels(columns)]
     if tolerances:
         lines += ["", "[tolerances]   # how far a healthy parameter may be off; guess: the data sheet knows better"]
-        lines += [f"{_quoted(name)} = {tolerance}" for name, tolerance in tolerances.items()]
+        lines += [_tolerance(name, tolerance) for name, tolerance in tolerances.items()]
     expected = ", ".join(_quoted(each.connector.name) for each in columns.lacking if each.expected)
     for k, file in enumerate(files):
         role = "holdout" if k == len(files) - 1 > 0 else "train"
@@ -146,6 +147,12 @@ def campaign_text(
         if expected:
             lines.append(f"without = [{expected}]   # guess: they were not recorded")
     return "\n".join(lines) + "\n"
+
+
+def _tolerance(name: str, tolerance: str) -> str:
+    if tolerance:
+        return f"{_quoted(name)} = {tolerance}"
+    return f"# {_quoted(name)} = [0.0, MOST]   # it is 0 in the system: give a range if your machine has any"
 
 
 def _channels(columns: Columns) -> list[str]:

@@ -53,7 +53,7 @@ PARTS: dict[str, Part] = {
     "motor": Part(
         "motor_bldc", "brushless or DC motor with its drive", after=("phi", "w", "tau"), moves=("after",),
         data_sheet=("winding.R", "winding.L", "winding.k", "rotor.J", "friction.tau_C", "friction.d",
-                    "drive.v_max", "drive.i_peak", "drive.w_max"),
+                    "inverter.v_bus", "drive.v_max", "drive.i_peak", "drive.w_max"),
         feeds={"v_command": ("set_value", "set value of the drive")},
         values=STICKS, shows={"i_motor": ("i", "motor current"), "w_motor": ("w", "motor speed")},
         fits={"winding.R": "5 %", "winding.k": "3 %", "rotor.J": "4 %"} | FRICTION,
@@ -253,11 +253,11 @@ def _parameter(key: str, wanted: str, unit: Unit) -> str:
 
 
 def tolerances(component: Component, fits: Mapping[str, str]) -> dict[str, str]:
-    """Parameter -> how far off, as TOML: of those that are not 0, and, where dry friction changes its sign over w_C, of
-    that, which no data sheet has."""
+    """Parameter -> how far off, as TOML; also of w_C, where dry friction changes its sign over it: no data sheet has
+    that. "" where the parameter is 0: only whoever knows the machine can give a range."""
     nominal = {n: float(component.parameters.get(n, component.unit.variables[n].start) or 0.0) for n in fits}
-    lines = {n: f'"{off}"' for n, off in fits.items() if nominal[n] != 0.0}
-    if "friction.tau_C" in lines and component.parameters.get("friction.law") != STICKS["friction.law"]:
+    lines = {n: f'"{off}"' if nominal[n] != 0.0 else "" for n, off in fits.items()}
+    if lines.get("friction.tau_C") and component.parameters.get("friction.law") != STICKS["friction.law"]:
         w_C = float(component.parameters.get("friction.w_C", component.unit.variables["friction.w_C"].start) or 0.0)
         why = "guess: the unit smooths dry friction below w_C, which no data sheet gives"
         lines["friction.w_C"] = f"[{SHARPEST * w_C:g}, {w_C:g}]   # {why}"

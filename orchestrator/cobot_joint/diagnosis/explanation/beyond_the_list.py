@@ -106,19 +106,20 @@ class BeyondTheList:
     def _fails_in_closed_loop(self, formula: Unmodelled) -> bool:
         """Whether listed terms leave less than the formula does by the motion that it leads to: of a machine that
         sticks, a formula along the recorded motion knows when, and took the place of Stribeck friction. Of one that
-        goes by an angle that free runs lose, the rest has to leave no more than the base model does."""
-        lost = self._is_lost(formula)
-        tested = without_waves(formula) if lost else formula
-        if not self.listed.selected or tested is None or not tested.goes_by_signals:
+        goes by an angle that free runs lose, the whole, or what goes by no angle, has to leave no more than the base
+        model does."""
+        lost, rest = self._is_lost(formula), without_waves(formula)
+        if not self.listed.selected or not formula.goes_by_signals or (lost and rest is None):
             return False
         if not isinstance(self.problem.plant, FmuPlant):
             return False
-        left = chi2_in_closed_loop(self.problem, self.campaign.systems(), tested)
         other, words = (self.calibrated, "nothing added") if lost else (self.listed.fit, "listed terms")
-        if left is not None and left <= other.chi2:
-            return False
-        why = "the system cannot be simulated" if left is None else f"more is left than with {words}"
-        self.say(f"{formula.finding.term} by the motion that it leads to: {why}")
+        for tested in (formula, rest) if lost and rest else (formula,):
+            left = chi2_in_closed_loop(self.problem, self.campaign.systems(), tested)
+            if left is not None and left <= other.chi2:
+                return False
+        why = "cannot be simulated" if left is None else f"leaves more than {words}"
+        self.say(f"{formula.finding.term} by the motion that it leads to {why}")
         return True
 
     def _leaves_nothing(self, formula: Unmodelled) -> bool:

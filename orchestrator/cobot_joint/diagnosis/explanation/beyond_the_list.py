@@ -7,6 +7,8 @@ from dataclasses import replace
 from functools import partial
 from operator import attrgetter
 
+import numpy as np
+
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.follow import can_follow, follow, motion_is_given, where_it_lies
 from cobot_joint.diagnosis.anchored.free_runs import beside_listed, felt, freely
@@ -226,7 +228,7 @@ class BeyondTheList:
         claimed = replace(self.listed.up_to(0), history=[self.calibrated, both[0]], selected=both[1])
         out = self.problem.stands_out(both[0].residual)
         formula = self.spend("formulas", partial(look_beside, self.problem, claimed, self.say)) if out else None
-        if formula is None or formula.as_good or len(formula.selected) < len(both[1]):
+        if formula is None or formula.as_good or len(formula.selected) < len(both[1]) or repeats(formula, found):
             return None
         return Explanation(self.calibrated, formula.fit, claimed, formula.selected, formula, anchored=found)
 
@@ -248,6 +250,18 @@ class BeyondTheList:
         asked = self.given and self.much and self.follows and not self.takes_most
         rest = self.spend("where the rest lies", lies) if asked else None
         return Explanation(self.calibrated, kept.fit, listed, kept.selected, background=rest or [], rival=rival)
+
+
+def repeats(formula: Unmodelled, found: Search) -> bool:
+    """Whether it is a wave that the motion has named, in the phase that free runs have lost: orders of that unit alone,
+    and nothing else."""
+    shape = formula.finding.shape
+    if shape is None or not shape.features or any(len(f.form.factors) != 1 for f in shape.features):
+        return False
+    factors = [f.form.factors[0] for f in shape.features]
+    unit = f"{formula.finding.component}."
+    orders = [v.value for name, v in found.repaired.items() if name.startswith(unit) and name.endswith(".n")]
+    return all(x.function in ("sin", "cos") and any(np.isclose(x.p, n, rtol=0.01) for n in orders) for x in factors)
 
 
 def staying(formula: Unmodelled | None) -> set[str]:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from cobot_joint.cosim import Experiment, Simulation
+from cobot_joint.diagnosis.anchored.search import Search
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.drafts.chain import chain, with_data_sheet
@@ -18,7 +19,7 @@ from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.noise import Noise
 from cobot_joint.diagnosis.estimation.problem import Problem, Run
-from cobot_joint.diagnosis.explanation.beyond_the_list import BeyondTheList
+from cobot_joint.diagnosis.explanation.beyond_the_list import BeyondTheList, repeats
 from cobot_joint.diagnosis.explanation.closed_loop import chi2_in_closed_loop, without_waves
 from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.plant.correction import Factor, Product, formula_parameters
@@ -94,3 +95,24 @@ def test_of_a_formula_over_an_angle_the_rest_has_to_hold_by_its_own_motion() -> 
     assert rest.finding.shape.features == drawn[1:2]
     waves = replace(finding, shape=replace(finding.shape, features=drawn[:1]))
     assert without_waves(Unmodelled(cast(Fit, None), [], waves, 0.9)) is None
+
+
+@pytest.mark.parametrize(
+    ("forms", "same"),
+    [
+        ([[Factor("phi", "sin", 6.0)], [Factor("phi", "cos", 6.0)]], True),
+        ([[Factor("phi", "sin", 6.0)], [Factor("phi", "cos", 7.0)]], False),
+        ([[Factor("phi", "sin", 6.0)], [Factor("w", "u")]], False),
+        ([[Factor("phi", "sin", 6.0), Factor("w", "tanh", 0.001)]], False),
+    ],
+)
+def test_a_wave_that_the_motion_has_named_is_not_said_once_more_as_a_formula(
+    forms: list[list[Factor]], same: bool
+) -> None:
+    """field/open case04: cogging of order 6, 97 %, and a formula of order 6 at the same motor, 95 %."""
+    finding = drag(DRAG)
+    assert finding.shape is not None
+    features = tuple(Feature(Product(tuple(f)), Estimate(0.1, "N.m", (0.1, 0.1))) for f in forms)
+    formula = Unmodelled(cast(Fit, None), [], replace(finding, shape=replace(finding.shape, features=features)), 0.9)
+    named = {"load.cogging.n": Estimate(6.0, "1", (6.0, 6.0)), "other.cogging.n": Estimate(7.0, "1", (7.0, 7.0))}
+    assert repeats(formula, cast(Search, SimpleNamespace(repaired=named))) == same

@@ -35,11 +35,11 @@ def calibrate(campaign: Campaign, plant: Plant, say: Progress, store: Store) -> 
         problem.outputs(base.run(base.start()))  # raises: which unit, which call, and why
         raise RuntimeError("the system cannot be simulated with its nominal parameters on these recordings")
     if drifting := drifts(problem, calibrated, campaign.told):
-        problem = Problem(plant, campaign.train, problem.noise | drifting)
-        watched(problem, say)("re-fitting the base model, drift of positions set aside")
-        start = calibrated.x
-        again = store.remember("calibrated again", (told(campaign), start), lambda: refit(problem, base, start))
-        calibrated = again if again is not None else calibrated
+        weighed, start = Problem(plant, campaign.train, problem.noise | drifting), calibrated.x
+        watched(weighed, say)("re-fitting the base model, drift of positions set aside")
+        again = store.remember("calibrated again", (told(campaign), start), lambda: refit(weighed, base, start))
+        if again is not None:
+            problem, calibrated = weighed, again
     return problem, calibrated
 
 

@@ -110,8 +110,10 @@ class BeyondTheList:
         sticks, a formula along the recorded motion knows when, and took the place of Stribeck friction. Of one that
         goes by an angle that free runs lose, the whole, or what goes by no angle, has to leave no more than the base
         model does."""
+        if not self.listed.selected or not formula.goes_by_signals:
+            return False
         lost, rest = self._is_lost(formula), without_waves(formula)
-        if not self.listed.selected or not formula.goes_by_signals or (lost and rest is None):
+        if lost and rest is None:
             return False
         if not isinstance(self.problem.plant, FmuPlant):
             return False

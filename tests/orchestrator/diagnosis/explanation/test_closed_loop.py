@@ -116,3 +116,10 @@ def test_a_wave_that_the_motion_has_named_is_not_said_once_more_as_a_formula(
     formula = Unmodelled(cast(Fit, None), [], replace(finding, shape=replace(finding.shape, features=features)), 0.9)
     named = {"load.cogging.n": Estimate(6.0, "1", (6.0, 6.0)), "other.cogging.n": Estimate(7.0, "1", (7.0, 7.0))}
     assert repeats(formula, cast(Search, SimpleNamespace(repaired=named))) == same
+
+
+def test_loads_that_come_and_go_are_not_asked_to_hold_by_their_own_motion() -> None:
+    """They have no formula."""
+    loads = Unmodelled(cast(Fit, None), [], replace(drag(DRAG), shape=None), 0.9)
+    asked = cast(BeyondTheList, SimpleNamespace(listed=SimpleNamespace(selected=["load.windage"])))
+    assert not BeyondTheList._fails_in_closed_loop(asked, loads)

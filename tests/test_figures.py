@@ -82,7 +82,7 @@ def test_the_counts_that_are_drawn_are_those_that_reports_quote() -> None:
 
 
 def test_the_count_beside_backgrounds_that_reports_quote_is_that_of_the_docs() -> None:
-    told = (ROOT / "docs" / "state-estimation.md").read_text(encoding="utf-8")
+    told = (ROOT / "docs" / "diagnosis-calibration.md").read_text(encoding="utf-8")
     bands = re.search(r"0.5 to 0.9 was said (\d+) of (\d+) were true.*more was said (\d+) of (\d+)", told)
     assert bands
     true_mid, mid, true_most, most = map(int, bands.groups())

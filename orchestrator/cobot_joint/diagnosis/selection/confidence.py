@@ -10,7 +10,7 @@ COEFFICIENTS = (-3.25, -1.17, -0.73)
 # Beside a background: decades of 1/(1 - taken) at which odds are even, and logits per decade beyond and short of them.
 # Even at three quarters, by hand: of eleven drawn machines what was concealed took 0.8 and more (with an angle lost,
 # 0.36), nothing else more than 0.56. Beyond: with five per decade, too, 0.5 to 0.9 was said of findings of which nearly
-# all were true (docs/state-estimation.md counts them). What no list has follows a background more easily.
+# all were true (docs/diagnosis-calibration.md counts them). What no list has follows a background more easily.
 EVEN_AT, EVEN_AT_UNLISTED = 0.6, 0.746
 BEYOND, SHORT = 12.0, 5.0
 LEAST_LEFT, MOST = 1e-3, 0.95
@@ -24,7 +24,7 @@ COUNTED = (
     ((0.95, 0.98), 118, 116),
     ((0.98, 1.01), 0, 0),
 )
-COUNTED_BESIDE = 172, 165  # claims, true ones: on 300 drawn machines with backgrounds (docs/state-estimation.md)
+COUNTED_BESIDE = 172, 165  # claims, true ones: on 300 drawn machines with backgrounds (docs/diagnosis-calibration.md)
 # of large effects of which two and more were drawn there
 COUNTED_TERMS = frozenset(
     [

@@ -3,7 +3,7 @@
 Grids, step sizes and numbers of one module alone stand where they are used.
 
 Sources: [count] the 500 drawn campaigns of docs/diagnosis-calibration.md, which count all of these together;
-[naming] docs/decisions/0011-naming.md, which says what happened without it; others by name.
+[naming] docs/decisions/0011-naming.md; docs/diagnosis-rules.md says what happened without it; others by name.
 Excess: chi-square of means over 16 samples, less its expectation (estimation/problem.py).
 """
 

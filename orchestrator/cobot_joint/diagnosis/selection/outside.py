@@ -15,12 +15,14 @@ from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.estimation.effects import FreeParameter, PortSignal
 from cobot_joint.diagnosis.estimation.fit import AT_BOUND, Fit
 from cobot_joint.diagnosis.estimation.least_squares import fit, predicted_decrease
+from cobot_joint.diagnosis.estimation.multiscale import slow_first
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.findings import Estimate, Finding
 from cobot_joint.diagnosis.localization.evidence import where_it_gains
 from cobot_joint.diagnosis.selection.competition import finished
 from cobot_joint.diagnosis.selection.confidence import beside_background, confidence
 from cobot_joint.diagnosis.selection.elimination import kept_beside, without, without_terms
+from cobot_joint.diagnosis.selection.far_off import values_from_afar
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 
@@ -119,7 +121,8 @@ def look_outside(
             found = Outside(more, gain, (selected[0].term, *selected[0].alike) if as_good else ())
             say(f"{found.name} outside its tolerance leaves no more")
             return found
-    return _beside(problem, calibrated, explained, selected, say) if beside and selected else None
+    one = _in_place_of_one(problem, calibrated, explained, selected, say) if len(selected) > 1 else None
+    return one or (_beside(problem, calibrated, explained, selected, say) if beside and selected else None)
 
 
 def let_go(
@@ -152,6 +155,31 @@ def in_place_of(problem: Problem, calibrated: Fit, formula: Unmodelled, say: Say
 def _with_terms(problem: Problem, best: Fit, select: Select) -> Selection:
     """Listed terms beside a parameter, where it leaves something."""
     return select(best) if problem.unexplained(best.residual) else Selection([best])
+
+
+def _in_place_of_one(
+    problem: Problem, calibrated: Fit, explained: Fit, selected: Sequence[Selected], say: Say
+) -> Outside | None:
+    """A parameter that does as well as one of several listed terms, beside the others: a sensor's gain of 3 % had stood
+    in for a brake's torque per ampere, and a dead time without an edge for a winding's resistance. As well: the term
+    leaves less by no more than a further one would need to take."""
+    slack = thresholds.ALIKE + thresholds.WORTH * max(explained.chi2 - problem.samples, 0.0)
+    for term in sorted(selected, key=lambda s: s.gain):
+        rest = without_terms(problem, explained, {term.term})
+        best = _nearby(problem, rest, thresholds.ALONE * (rest.cost - explained.cost), 1) if rest is not None else None
+        if (
+            rest is None
+            or best is None
+            or best.cost > explained.cost + slack
+            or rest.cost - best.cost < problem.evidence
+        ):
+            continue
+        kept = [s for s in selected if s is not term]
+        alike = (term.term, *term.alike) if explained.cost - best.cost < slack else ()
+        found = Outside(Selection([calibrated, best], kept), rest.cost - best.cost, alike)
+        say(f"{found.name} outside its tolerance does as well as {term.term}")
+        return found
+    return None
 
 
 def _beside(
@@ -201,23 +229,39 @@ def _leaves_less(problem: Problem, fit: Fit, other: Fit) -> bool:
 
 
 def leaves_least(problem: Problem, calibrated: Fit, least: float, tried: int = TRIED) -> Fit | None:
-    """A fit with that parameter free which leaves least, of the few that promise most; None: none promises so much."""
+    """A fit with that parameter free which leaves least, of the few that promise most; None: none promises so much.
+
+    Where the best leaves what stands out, also of those that take most of it from afar.
+    """
+    best = _nearby(problem, calibrated, least, tried)
+    if not problem.stands_out((best or calibrated).residual):
+        return best
+    values = values_from_afar(problem, calibrated)[:tried]
+    far = [free for name, value in values for free in _freed(calibrated, {name: value}, at_bounds=False)]
+    fits = [slow_first(problem, free.hypothesis, free.x, finished(1)) for free in far]
+    return _lowest([best, *(each for each in fits if each and calibrated.cost - each.cost > least)])
+
+
+def _nearby(problem: Problem, calibrated: Fit, least: float, tried: int) -> Fit | None:
+    """The same, of those that promise so much by their sensitivities."""
     promising = sorted(((predicted_decrease(free), k, free) for k, free in enumerate(_freed(calibrated))), reverse=True)
-    best: Fit | None = None
-    for _, _, free in [each for each in promising if each[0] > least][:tried]:
-        trial = fit(problem, free.hypothesis, free.x, free.jacobian, finished(1))
-        best = trial if trial is not None and (best is None or trial.cost < best.cost) else best
-    return best
+    near = [each[2] for each in promising if each[0] > least][:tried]
+    return _lowest([fit(problem, free.hypothesis, free.x, free.jacobian, finished(1)) for free in near])
 
 
-def _freed(calibrated: Fit, values: Mapping[str, float] | None = None) -> list[Fit]:
+def _lowest(fits: Sequence[Fit | None]) -> Fit | None:
+    """The one of lowest cost."""
+    return min((each for each in fits if each is not None), key=lambda each: each.cost, default=None)
+
+
+def _freed(calibrated: Fit, values: Mapping[str, float] | None = None, at_bounds: bool = True) -> list[Fit]:
     """The fit with each base parameter that is at a bound free of it, in the fit's own linear terms. values: of those
-    that begin elsewhere, at a bound or not."""
+    that begin elsewhere, at a bound or not. at_bounds: the others, too."""
     at, known, found = calibrated.settled(), values or {}, []
     hypothesis, count = at.hypothesis, len(at.x)
     for k, base in enumerate(hypothesis.base):
         (c,) = base.coordinates
-        if abs(at.x[k]) < 1 - AT_BOUND and base.name not in known:
+        if base.name not in known and (not at_bounds or abs(at.x[k]) < 1 - AT_BOUND):
             continue
         free = FreeParameter(base, known.get(base.name, c.start + c.scale * float(at.x[k])))
         if free.coordinates[0].lower > c.lower - AT_BOUND and free.coordinates[0].upper < c.upper + AT_BOUND:

@@ -331,10 +331,10 @@ def _weighed(problem: Problem, start: Fit, found: Fit, finding: Finding) -> Find
     """With what the fit takes from one without it, and how sure that makes it."""
     gained = start.cost - found.cost
     left, above = max(problem.excess(found.residual), 0.0), max(found.chi2 - problem.samples, 0.0)
-    sure, as_large = confidence(gained, left, unlisted=True), False
+    sure = confidence(gained, left, unlisted=True)
     if left > thresholds.CLEARLY_LEFT * problem.excess_scatter:
         sure = max(sure, beside_background(gained / (gained + above), unlisted=True))
-        as_large = not problem.stands_out(start.residual)
+    as_large = problem.unexplained(found.residual) and not problem.stands_out(start.residual)
     where = where_it_gains(problem, start.residual**2 - found.residual**2)
     weighed = replace(finding, confidence=sure, where=where, gain=gained)
     return weighed.withheld("a background may be as large") if as_large else weighed

@@ -280,8 +280,10 @@ def _print_figures(
     console.print(_figures(f"rms of recording - simulation, {runs}", channels, units, repair))
     predicted = {n: {"noise": c["noise"], **c["predicted"]} for n, c in channels.items() if c.get("predicted")}
     if predicted:
-        horizon = next(iter(predicted.values()))["horizon"]
-        console.print(_figures(f"rms of predictions over {horizon:g} s, {runs}", predicted, units, repair))
+        first = next(iter(predicted.values()))
+        lost = f" (of {', '.join(first['free'])} free runs: no filter follows them)" if first.get("free") else ""
+        title = f"rms of predictions over {first['horizon']:g} s, {runs}{lost}"
+        console.print(_figures(title, predicted, units, repair))
 
 
 def _figures(

@@ -12,7 +12,7 @@ from typing import Any
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.answer import diagnosis as anchored_diagnosis
 from cobot_joint.diagnosis.anchored.follow import motion_is_given
-from cobot_joint.diagnosis.anchored.free_runs import in_free_runs
+from cobot_joint.diagnosis.anchored.free_runs import in_free_runs, predicts_better
 from cobot_joint.diagnosis.budget import Budget
 from cobot_joint.diagnosis.candidates.scan_ranges import driven
 from cobot_joint.diagnosis.candidates.score_test import Scan
@@ -100,16 +100,22 @@ def _diagnosed(campaign: Campaign, plant: Plant, say: Progress, store: Store, bu
     found.left_out = budget.left_out
     if found.left_out:  # what was not looked at may explain it better: no name is a claim yet
         found.findings = [f.withheld("time was up before everything was tried") for f in found.findings]
-    found.verdict = verdict(found)
+    found.verdict = verdict(found, drifts_visibly(problem))
     found.seconds = time.monotonic() - begun
     return found
 
 
-def verdict(found: Diagnosis) -> Verdict:
-    """As it stands, but undecided where no finding is a claim, and where time was up before anything was found."""
+def verdict(found: Diagnosis, drifts: bool = False) -> Verdict:
+    """As it stands, but undecided where no finding is a claim, and where nothing was found though time was up before,
+    or a position drifts off by what anyone would see: its drift was set aside, not explained."""
     nothing_claimed = found.findings and all(f.confidence < thresholds.EVEN for f in found.findings)
-    cut_short = found.left_out and found.verdict == "nothing_missing"
-    return "undecided" if nothing_claimed or cut_short else found.verdict
+    not_all_of_it = (found.left_out or drifts) and found.verdict == "nothing_missing"
+    return "undecided" if nothing_claimed or not_all_of_it else found.verdict
+
+
+def drifts_visibly(problem: Problem) -> bool:
+    """Whether a position is off by more than three times its noise (rms), however little its drift counts."""
+    return any(off > thresholds.LEFT_SIGMA for off in problem.drifting.values())
 
 
 def _located(problem: Problem, calibrated: Fit, store: Store) -> dict[str, Any]:
@@ -129,10 +135,10 @@ def explain(
     explanation = select() if problem.budget.limited else store.remember("selection", basis(campaign), select)
     say("writing down what was found")
     if explanation.anchored is not None and not explanation.selected:
-        found = anchored_diagnosis(explanation.anchored, units_of(problem))
-        return in_free_runs(
-            problem, found, explanation.anchored, explanation.calibrated, units_of(problem)
-        ), explanation
+        search, units = explanation.anchored, units_of(problem)
+        along = anchored_diagnosis(search, units)
+        predicts = partial(predicts_better, campaign)
+        return in_free_runs(problem, along, search, explanation.calibrated, units, predicts), explanation
     return answer(problem, explanation), explanation
 
 
@@ -162,7 +168,8 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     select = Selector(problem, scan, say).select
     if beside := _beside_claimed(problem, found, select, say):
         return _or_misread(problem, beside, misread)
-    along = found.anchored and (found.anchored.claims or not problem.stands_out(found.calibrated.residual))
+    visible = problem.stands_out(found.calibrated.residual) or drifts_visibly(problem)
+    along = found.anchored and (found.anchored.claims or not visible)
     if found.outside or (found.unmodelled and not is_formula) or along or (found.background and not found.selected):
         return found
     if is_formula and (instead := _parameter_in_place(problem, found, say)):

@@ -66,21 +66,14 @@ def diagnose_campaign(
     source = provenance(campaign.path, campaign.title, systems, parameters=campaign.parameters, baseline=baseline)
     store = Store(out / ".work", of_campaign(campaign, systems))
     diagnosis = engine(baseline, Budget(within))(campaign, progress=progress, store=store)
-    say("repairing")
-    repair(diagnosis.to_json(), systems, out)
-    say("comparing")
-    quality = condition(campaign.recordings)
     if discrepancy := getattr(diagnosis, "discrepancy", None):
         write_atomically(out / DISCREPANCY, lambda file: save(file, discrepancy, DISCREPANCY))
-    calibrated, loads = diagnosis.parameters("calibrated"), diagnosis.load_histories()
-    compared = compare_systems(campaign, campaign.recordings, out, calibrated, loads)
-    diagnosis.channels = channels(compared, quality)
-    unpredicted: list[str] = []
-    judge(diagnosis, lambda: anchored(campaign, out, calibrated, say, unpredicted))
+    quality = condition(campaign.recordings)
+    compared, unpredicted = _tried(campaign, diagnosis, systems, out, quality, say)
     missing = {
         "not_compared": not_compared(campaign),
         "not_simulated": not_simulated(compared),
-        "not_predicted": " ".join(unpredicted),
+        "not_predicted": unpredicted,
     }
     content = spoken(diagnosis.to_json() | {name: what for name, what in missing.items() if what})
     content |= {"exported": exported(out, campaign.setups), "campaign": relative(campaign.path, out)}
@@ -107,6 +100,34 @@ def diagnose_campaign(
         store.clear()
     files = [out / name for name in ("diagnosis.json", "report.html", "repaired.ssp", "fmus")]
     return Outcome(verdict_sentence(content, texts), content, units_of(campaign), files)
+
+
+def _tried(
+    campaign: Campaign,
+    diagnosis: Diagnosis,
+    systems: Mapping[str, System],
+    out: Path,
+    quality: Mapping[str, ChannelQuality],
+    say: Progress,
+) -> tuple[list[Comparison], str]:
+    """The repair, written, simulated beside all recordings, and judged; "", or why it is predicted from nowhere.
+
+    Where all that was found is refuted, nothing is repaired: the re-fitted base model is written.
+    """
+    say("repairing")
+    repair(diagnosis.to_json(), systems, out)
+    say("comparing")
+    calibrated, loads = diagnosis.parameters("calibrated"), diagnosis.load_histories()
+    compared = compare_systems(campaign, campaign.recordings, out, calibrated, loads)
+    diagnosis.channels = channels(compared, quality)
+    unpredicted: list[str] = []
+    judge(diagnosis, lambda: anchored(campaign, out, calibrated, say, unpredicted))
+    if diagnosis.refuted and not diagnosis.findings:
+        diagnosis.repaired = dict(diagnosis.calibrated)
+        repair(diagnosis.to_json(), systems, out)
+        compared = compare_systems(campaign, campaign.recordings, out, calibrated, loads)
+        diagnosis.channels, diagnosis.repair = channels(compared, quality), "offered"
+    return compared, " ".join(unpredicted)
 
 
 def judge(diagnosis: Diagnosis, predict: Callable[[], Mapping[str, Mapping[str, Any]]] = dict) -> None:

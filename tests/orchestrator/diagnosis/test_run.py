@@ -23,7 +23,7 @@ from cobot_joint.diagnosis import run
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.evaluation.baselines import DiscrepancyDiagnosis
-from cobot_joint.diagnosis.findings import Diagnosis
+from cobot_joint.diagnosis.findings import Diagnosis, Finding
 from cobot_joint.diagnosis.provenance import provenance
 from cobot_joint.diagnosis.repair import verify as repair_verify
 from cobot_joint.diagnosis.repair.discrepancy import Discrepancy, Process
@@ -39,12 +39,35 @@ from tests.orchestrator.diagnosis.made_up import (
     NOISE,
     ONSET,
     UNITS,
+    WHERE,
     R,
+    estimate,
     explained,
     knows,
     record,
     unlisted,
 )
+
+
+def test_where_all_that_was_found_is_refuted_the_refitted_base_model_is_written(
+    campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An arm's system was written with a rejected inertia, its angle off by 24 times as much as re-fitted."""
+    name = "motor_bldc.winding.R"
+    found = Finding(name, (), 0.9, None, {}, dict(WHERE), 1e4)
+    monkeypatch.setattr(
+        run,
+        "engine",
+        knows(Diagnosis("explained", [found], {name: estimate(R, "Ohm")}, {name: estimate(9 * R, "Ohm")})),
+    )
+    run.diagnose_campaign(load_campaign(campaign_file), tmp_path)
+    content = json.loads((tmp_path / "diagnosis.json").read_text())
+    assert (content["verdict"], content["findings"], content["refuted"]) == ("undecided", [], [name])
+    exported = load_system(tmp_path / "repaired.ssp").component("motor_bldc").unit.variables["winding.R"]
+    assert float(exported.start) == R
+    figures = content["channels"]["i_motor"]["holdout"]
+    assert figures["repaired"] == pytest.approx(figures["calibrated"], rel=1e-4)
+    assert figures["nominal"] != figures["calibrated"]
 
 
 def test_the_files_of_a_diagnosis_are_there_and_agree(

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
+from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.beside import Candidate
 from cobot_joint.diagnosis.anchored.search import Search, confidence
+from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.least_squares import fit_added
@@ -17,14 +19,22 @@ from cobot_joint.diagnosis.estimation.problem import Problem, Run
 from cobot_joint.diagnosis.findings import Diagnosis
 from cobot_joint.diagnosis.selection.competition import finished
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
+from cobot_joint.diagnosis.state_estimation.noise import noise_of
+from cobot_joint.diagnosis.state_estimation.prediction import Variant, predicted_figures
+
+Values = Mapping[str, float]
+Judge = Callable[[Values, Values, Values], bool]
 
 
-def in_free_runs(problem: Problem, found: Diagnosis, search: Search, refit: Fit, units: Mapping[str, str]) -> Diagnosis:
-    """Before and after as the fit that leaves less of free runs has them: along the recorded motion, or free.
+def in_free_runs(
+    problem: Problem, found: Diagnosis, search: Search, refit: Fit, units: Mapping[str, str], predicts: Judge
+) -> Diagnosis:
+    """Before and after as the fit that leaves less of free runs has them: along the recorded motion, or free. After as
+    the recorded motion has it, where that predicts better: in free runs a wave loses its angle, and is fitted small.
 
     One that was fitted along the recorded motion may lose free runs: a repair that beats a worse re-fit has shown
     nothing, and where nothing has a name, nothing is repaired; it is called a background only as long as it is small.
-    units: parameter -> unit of measure.
+    units: parameter -> unit of measure. predicts: see predicts_better.
     """
     if _left(problem, found.parameters("calibrated"), {}) >= refit.chi2:
         found.calibrated = refit.estimates(units, problem.stretches(refit.residual))
@@ -33,14 +43,31 @@ def in_free_runs(problem: Problem, found: Diagnosis, search: Search, refit: Fit,
         found.verdict = "undecided" if problem.stands_out(refit.residual) else "nothing_missing"
         return found
     onsets = {n.candidate.term.amplitude: n.candidate.onset for n in search.named if n.candidate.onset is not None}
-    free = freely(problem, search, refit)
-    if free is not None and free.chi2 < _left(problem, found.parameters("repaired"), onsets):
+    free, own = freely(problem, search, refit), found.parameters("repaired")
+    if free is not None and free.chi2 < _left(problem, own, onsets) and not predicts(own, free.run.values, onsets):
         found.repaired = free.estimates(units, problem.stretches(free.residual))
         found.findings = [
             replace(f, parameters={n: found.repaired.get(n, e) for n, e in f.parameters.items()})
             for f in found.findings
         ]
     return found
+
+
+def predicts_better(campaign: Campaign, values: Values, others: Values, onsets: Values) -> bool:
+    """Whether a system with these values predicts the recordings over short distances better than with others.
+
+    onsets: s, from when on some of them hold.
+    """
+    systems, train = campaign.systems(), campaign.train
+    noise = noise_of(replace(campaign, recordings=train))
+    both = {"these": Variant(systems, values, onsets), "others": Variant(systems, others, onsets)}
+    try:
+        figures = predicted_figures(train, both, noise)
+    except SimulationError:  # no state can be reached: there is nothing to go by but free runs
+        return False
+    known = [(of, noise[channel].sigma) for channel, of in figures.items() if of is not None]
+    these, them = (sum((of[name] / sigma) ** 2 for of, sigma in known) for name in both)
+    return these < them
 
 
 def felt(problem: Problem, base: Fit, listed: Fit, search: Search) -> Search:

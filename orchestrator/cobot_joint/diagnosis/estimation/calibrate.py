@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -34,27 +34,24 @@ def calibrate(campaign: Campaign, plant: Plant, say: Progress, store: Store) -> 
     if calibrated is None:
         problem.outputs(base.run(base.start()))  # raises: which unit, which call, and why
         raise RuntimeError("the system cannot be simulated with its nominal parameters on these recordings")
-    if drifting := drifts(problem, calibrated, campaign.told):
+    off = left_of_each(problem, calibrated)
+    if drifting := drifts(problem, off, campaign.told):
         weighed, start = Problem(plant, campaign.train, problem.noise | drifting), calibrated.x
         watched(weighed, say)("re-fitting the base model, drift of positions set aside")
         again = store.remember("calibrated again", (told(campaign), start), lambda: refit(weighed, base, start))
         if again is not None:
             problem, calibrated = weighed, again
+            problem.drifting = {name: off[name] for name in drifting}
     return problem, calibrated
 
 
-def drifts(problem: Problem, calibrated: Fit, believed: Collection[str]) -> dict[str, Noise]:
+def drifts(problem: Problem, off: Mapping[str, float], believed: Collection[str]) -> dict[str, Noise]:
     """Position -> noise with which it counts no more per sample than that of the other channels that fits worst.
 
     A position adds up what is off in a speed, so that of an encoder's log next to nothing but drift is fitted: an axis
     was given a formula for it that made its speed twice as wrong. Without other channels there is nothing to go by.
+    off: channel -> rms of what is left, times its noise.
     """
-    squares: dict[str, list[float]] = {}
-    for block in problem.blocks:
-        of_channel = squares.setdefault(block.channel, [0.0, 0.0])
-        of_channel[0] += float(np.sum(calibrated.residual[block.rows] ** 2))
-        of_channel[1] += float(block.weight.sum())
-    off = {name: float(np.sqrt(total / max(count, 1.0))) for name, (total, count) in squares.items()}
     units = {name: unit for r in problem.recordings for name, unit in r.units.items()}
     positions = {name for name in off if is_position(units.get(name))}
     worst = max((off[name] for name in off.keys() - positions), default=np.inf)
@@ -65,6 +62,16 @@ def drifts(problem: Problem, calibrated: Fit, believed: Collection[str]) -> dict
             was = problem.noise[name]
             found[name] = replace(was, sigma=times * was.sigma)
     return found
+
+
+def left_of_each(problem: Problem, calibrated: Fit) -> dict[str, float]:
+    """Channel -> rms of what the fit leaves, times its noise."""
+    squares: dict[str, list[float]] = {}
+    for block in problem.blocks:
+        of_channel = squares.setdefault(block.channel, [0.0, 0.0])
+        of_channel[0] += float(np.sum(calibrated.residual[block.rows] ** 2))
+        of_channel[1] += float(block.weight.sum())
+    return {name: float(np.sqrt(total / max(count, 1.0))) for name, (total, count) in squares.items()}
 
 
 def watched(problem: Problem, say: Progress) -> Progress:

@@ -109,6 +109,9 @@ class Problem:
         self._runs = [0]  # which a part counts on
         self.watch: Callable[[int, int], None] | None = None  # told of simulations done, of how many asked for at once
         self.budget = Budget()
+        self.drifting: Mapping[
+            str, float
+        ] = {}  # position -> what is left of it, times its noise: its drift counts less
         self._took = [0.0 for _ in self.recordings]  # s; that a simulation took the last time
         self.blocks: list[Block] = []
         self._of_recording: list[list[tuple[Block, Gaps]]] = [[] for _ in self.recordings]

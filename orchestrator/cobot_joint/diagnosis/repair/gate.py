@@ -22,12 +22,18 @@ def above_noise(channels: Channels, role: str, free: bool = False) -> dict[str, 
     free: of free runs all the same.
     """
     there = [(c["noise"], c[role]) for c in channels.values() if role in c]
-    if not free and all(figures.get("predicted") for _, figures in there):
+    if not free and horizon(channels, role):
         there = [(noise, figures["predicted"]) for noise, figures in there]
     there = [(noise, figures) for noise, figures in there if any(figures[v] is not None for v in VARIANTS)]
     if not there:
         return None
     return {v: sum(_squared(figures, v, noise) for noise, figures in there) for v in VARIANTS}
+
+
+def horizon(channels: Channels, role: str) -> float | None:
+    """s, over which every channel is predicted in these runs; None: free runs are all there is."""
+    predicted = [c[role].get("predicted") for c in channels.values() if role in c]
+    return float(predicted[0]["horizon"]) if predicted and all(predicted) else None
 
 
 def _squared(figures: Mapping[str, float | None], variant: str, noise: float | None) -> float:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cobot_joint.diagnosis import thresholds
-from cobot_joint.diagnosis.repair.gate import fails, removed
+from cobot_joint.diagnosis.repair.gate import fails, horizon, removed
 from cobot_joint.diagnosis.report.localization_words import listed
 from cobot_joint.diagnosis.report.words import load_history, misread
 from cobot_joint.diagnosis.selection.confidence import COUNTED_BESIDE, counted
@@ -49,16 +49,20 @@ def verdict_sentence(d: Json, terms: Mapping[str, TermText]) -> str:
         return f"Undecided: {', or '.join([f'{misread(m)}, {takes}', *others])}, or the machine lacks something."
     if not findings:
         said = "The recordings differ from the system by more than noise and tolerances, and no explanation stands out"
-        return f"{said}{_largest(d.get('discrepancy') or [])}."
+        return f"{said}{_farthest_off(d['channels'])}{_largest(d.get('discrepancy') or [])}."
     if d.get("repair") == "withheld":
         worse = "fits no better than a re-fit" if fails(d["channels"]) == "train" else "fits, but does not predict"
         return f"Undecided: {_suspects(findings, terms)} {worse}: the repair is withheld."
-    listed_first = sorted(findings, key=lambda f: bool(f.get("shape")))
-    outside = [f for f in findings if is_parameter(f["term"], terms)]
+    nothing_claimed = max(f.get("confidence") or 0.0 for f in findings) < thresholds.EVEN
+    claims = [f for f in findings if nothing_claimed or (f.get("confidence") or 0.0) >= thresholds.EVEN]
+    listed_first = sorted(claims, key=lambda f: bool(f.get("shape")))
+    outside = [f for f in claims if is_parameter(f["term"], terms)]
     better = improvement(d)
-    how = "a value that fits" if len(outside) == len(findings) else "modelling it"
+    how = "a value that fits" if len(outside) == len(claims) else "modelling it"
     tail = "" if better is None else f"; {how} removes {percent(better[0])} of the error above the noise{better[1]}"
-    if max(f.get("confidence") or 0.0 for f in findings) < thresholds.EVEN:
+    if unsure := [_said(f, terms) for f in findings if f not in claims]:
+        tail += f". No claim, though {repaired_with(len(unsure))}: {' and '.join(unsure)}"
+    if nothing_claimed:
         nearest = " and ".join(_said(f, terms) for f in listed_first)
         return f"No effect reaches 50 % confidence; the closest is {nearest}{tail}."
     lacks = [_said(f, terms) for f in listed_first if f not in outside]
@@ -76,6 +80,21 @@ def _said(f: Json, terms: Mapping[str, TermText]) -> str:
     places = [term.split(".")[0] for term in f.get("equivalent") or () if is_unlisted(term)]
     rival = f", or an effect that is on no list at {listed(places, 'or')}" if places else ""
     return f"{title_of(f['term'], terms)} in {f['component']}{rival} {sure}"
+
+
+def repaired_with(count: int) -> str:
+    """Of findings that are no claims."""
+    return "the repaired system has it" if count == 1 else "the repaired system has them"
+
+
+def _farthest_off(channels: Mapping[str, Json]) -> str:
+    """The channel of which the re-fitted system is farthest off in training runs; "": its noise is not known."""
+    known = {n: (c["train"]["calibrated"], c["noise"]) for n, c in channels.items() if c.get("noise") and "train" in c}
+    times = {name: off / noise for name, (off, noise) in known.items() if off is not None}
+    if not times:
+        return ""
+    name = max(times, key=times.__getitem__)
+    return f"; farthest off is {name}, {number(times[name])} times its noise (rms)"
 
 
 def _parameter(f: Json) -> str:
@@ -105,7 +124,11 @@ def _suspects(findings: Sequence[Json], terms: Mapping[str, TermText]) -> str:
 def improvement(d: Json) -> tuple[float, str] | None:
     """Share of the squared error above noise that the repair removes, and in which runs; None: none to say."""
     found = removed(d["channels"])
-    return found and (found[0], {"holdout": ", in runs that it has not seen", "train": ""}[found[1]])
+    if found is None:
+        return None
+    over = horizon(d["channels"], found[1])
+    runs = {"holdout": ", in runs that it has not seen", "train": ""}[found[1]]
+    return found[0], f"{f' of predictions over {over:g} s' if over else ''}{runs}"
 
 
 def how_large(f: Json, terms: Mapping[str, TermText]) -> list[str]:

@@ -33,10 +33,11 @@ LOST = 4.0  # times the mean square of the free run's error: below it a wrong mo
 
 @dataclass(frozen=True)
 class Variant:
-    """Systems by set-up, and `component.variable` -> value over their own."""
+    """Systems by set-up, and `component.variable` -> value over their own, or from an onset on, s."""
 
     systems: Mapping[str, System]
     values: Mapping[str, Value] = field(default_factory=dict)
+    onsets: Mapping[str, float] = field(default_factory=dict)
 
 
 def predicted_figures(
@@ -48,7 +49,8 @@ def predicted_figures(
     """channel -> {"horizon": s, variant -> rms of recording - prediction over all samples}; None where a unit of a
     system allows no state to be set.
 
-    Of a recording in which a filter loses its way the free run from its beginning counts, of all variants.
+    Of a recording in which a filter loses its way the free run from its beginning counts, of all variants, and "free"
+    lists it.
     """
     channels = dict.fromkeys(channel for r in recordings for channel in r.outputs)
     if any(states_of(system) is None for v in variants.values() for system in v.systems.values()):
@@ -56,16 +58,18 @@ def predicted_figures(
     errors: dict[str, dict[str, list[Array]]] = {channel: {name: [] for name in variants} for channel in channels}
     every = [(recording, variant) for recording in recordings for variant in variants.values()]
     one = partial(predict, noise=noise, horizon=horizon)
+    free: list[str] = []
     done = iter(at_once(one, *zip(*every, strict=True)) if every else [])
     for recording in recordings:
         of_each = {name: next(done) for name in variants}
         lost = any(predicted.lost(recording, noise) for predicted in of_each.values())
+        free += [recording.name] * lost
         for name, predicted in of_each.items():
             for channel, series in (predicted.free if lost else predicted.anchored).items():
                 error = recording.outputs[channel] - series
                 errors[channel][name].append(error[np.isfinite(error)])
     return {
-        channel: {"horizon": horizon}
+        channel: {"horizon": horizon, **({"free": free} if free else {})}
         | {name: float(np.sqrt(np.mean(np.concatenate(parts) ** 2))) for name, parts in of_channel.items()}
         for channel, of_channel in errors.items()
     }
@@ -100,7 +104,8 @@ def predict(
     system = plant.systems[recording.setup]
     ports = [port.name for port in plant.ports]
     there = {n: v for n, v in variant.values.items() if n.split(".")[0] in {c.name for c in system.components}}
-    with SampledSystem(system, list(recording.outputs), there) as sampled:
+    late = {n: t for n, t in variant.onsets.items() if n in there}
+    with SampledSystem(system, list(recording.outputs), there, late) as sampled:
         time = recording.time - recording.time[0]
         whole = sampled.free(recording)
         known = structure(sampled, whole, ports, noise)

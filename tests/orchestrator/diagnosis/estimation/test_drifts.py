@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cobot_joint.diagnosis.estimation.calibrate import drifts
+from cobot_joint.diagnosis import engine
+from cobot_joint.diagnosis.estimation.calibrate import drifts, left_of_each
 from cobot_joint.diagnosis.estimation.noise import Noise
+from cobot_joint.diagnosis.findings import Diagnosis
 
 UNITS = {"i": "A", "w": "rad/s", "phi": "rad"}
 
@@ -41,9 +43,20 @@ def problem(**off: float) -> tuple[Any, Any]:
 def test_a_position_weighs_no_more_than_the_channel_that_fits_worst_beside_it(
     off: dict[str, float], times: dict[str, float]
 ) -> None:
-    found = drifts(*problem(**off), ())
+    case, fit = problem(**off)
+    found = drifts(case, left_of_each(case, fit), ())
     assert {name: noise.sigma / 0.1 for name, noise in found.items()} == pytest.approx(times)
 
 
 def test_a_noise_that_the_campaign_states_is_believed() -> None:
-    assert drifts(*problem(i=5.0, phi=500.0), {"phi"}) == {}
+    case, fit = problem(i=5.0, phi=500.0)
+    assert drifts(case, left_of_each(case, fit), {"phi"}) == {}
+
+
+@pytest.mark.parametrize(("off", "verdict"), [(2.0, "nothing_missing"), (500.0, "undecided")])
+def test_a_position_that_drifts_off_visibly_and_has_no_explanation_is_not_called_nothing(
+    off: float, verdict: str
+) -> None:
+    """A link whose gear was 40 % too soft, its angles off by 513 and 38 times their noise, had nothing to be added."""
+    case: Any = SimpleNamespace(drifting={"phi": off})
+    assert engine.verdict(Diagnosis("nothing_missing", [], {}, {}), engine.drifts_visibly(case)) == verdict

@@ -9,6 +9,8 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.answer import diagnosis as anchored_diagnosis
 from cobot_joint.diagnosis.anchored.follow import motion_is_given
@@ -19,7 +21,7 @@ from cobot_joint.diagnosis.candidates.score_test import Scan
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.estimation.calibrate import basis, calibrate, watched
 from cobot_joint.diagnosis.estimation.fit import Fit
-from cobot_joint.diagnosis.estimation.problem import Problem, one_blas_thread
+from cobot_joint.diagnosis.estimation.problem import Problem, Run, one_blas_thread
 from cobot_joint.diagnosis.experiments.discriminate import advise
 from cobot_joint.diagnosis.explanation.beyond_the_list import BeyondTheList
 from cobot_joint.diagnosis.explanation.explanation import Explanation, answer, units_of
@@ -170,6 +172,8 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
         return _or_misread(problem, beside, misread)
     visible = problem.stands_out(found.calibrated.residual) or drifts_visibly(problem)
     along = found.anchored and (found.anchored.claims or not visible)
+    if along and visible and (instead := _far_off(problem, found, select, say)):
+        return _or_misread(problem, instead, misread)
     if found.outside or (found.unmodelled and not is_formula) or along or (found.background and not found.selected):
         return found
     if is_formula and (instead := _parameter_in_place(problem, found, say)):
@@ -219,6 +223,24 @@ def _beside_claimed(problem: Problem, found: Explanation, select: Select, say: P
     beside = _with_formula(problem, calibrated, outside, say)
     enough = thresholds.HOLDS * (calibrated.chi2 - problem.samples)
     return beside if calibrated.cost - beside.fit.cost >= enough else None
+
+
+def _far_off(problem: Problem, found: Explanation, select: Select, say: Progress) -> Explanation | None:
+    """Where the recorded motion claims parameters and nothing else: one that free runs have far off, if it leaves less
+    of them. Along the motion all are linear about values that are wrong: a gear of a quarter of its stiffness was a
+    brake's inertia (machine 193/26). None: there is none."""
+    search = found.anchored
+    if search is None or not search.named or any(n.name not in problem.plant.parameters for n in search.named):
+        return None
+    (own,) = problem.simulate([Run({name: estimate.value for name, estimate in search.repaired.items()})])
+    left = np.inf if own is None else float(np.sum((problem.recorded - own.white) ** 2))
+    outside = problem.budget.spend(
+        "parameters outside their tolerances",
+        lambda: look_outside(problem, found.calibrated, found.calibrated, [], select, say),
+    )
+    if not isinstance(outside, Outside) or left - outside.fit.chi2 < problem.evidence:
+        return None
+    return _with_formula(problem, found.calibrated, outside, say)
 
 
 def _parameter_in_place(problem: Problem, found: Explanation, say: Progress) -> Explanation | None:

@@ -4,20 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
+from cobot_joint.diagnosis import engine
+from cobot_joint.diagnosis.anchored.search import Named, Search
 from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.estimation.calibrate import calibrate
 from cobot_joint.diagnosis.estimation.effects import FreeParameter
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit
 from cobot_joint.diagnosis.estimation.noise import Noise
-from cobot_joint.diagnosis.estimation.problem import Problem
+from cobot_joint.diagnosis.estimation.problem import Problem, one_blas_thread
+from cobot_joint.diagnosis.explanation.explanation import Explanation
+from cobot_joint.diagnosis.findings import Estimate
 from cobot_joint.diagnosis.plant.plant import Parameter, Signals
 from cobot_joint.diagnosis.selection.far_off import TIMES, values_from_afar
 from cobot_joint.diagnosis.selection.outside import leaves_least
+from cobot_joint.diagnosis.selection.selection import Selection
+from cobot_joint.diagnosis.store import Store
+from tests.orchestrator.diagnosis.axis import Axis, campaign
 
 STEP, SIGMA = 1e-3, 0.002
 J_1, TAU, DECAY = 1.0, 1.0, 1.0
@@ -88,3 +98,16 @@ def test_values_inside_the_tolerance_and_beyond_what_a_data_sheet_is_ever_off_ar
 
 def test_where_a_fit_leaves_no_more_than_noise_no_value_is_worth_a_fit() -> None:
     assert values_from_afar(*with_a_load(1.0)) == []
+
+
+@pytest.mark.parametrize(("name", "value", "found"), [("axis.J", 1.3e-3, "axis.d"), ("axis.d", 8e-4, None)])
+def test_a_parameter_that_the_motion_claims_gives_way_to_one_that_leaves_less_of_free_runs(
+    name: str, value: float, found: str | None
+) -> None:
+    """A gear of a quarter of its stiffness was a brake's inertia, 93 % sure (machine 193/26)."""
+    search = Search(named=[cast(Named, SimpleNamespace(name=name))], repaired={name: Estimate(value, "1", (0.0, 1.0))})
+    with one_blas_thread():
+        problem, base = calibrate(campaign({"axis.d": 8e-4}), Axis(), lambda words: None, Store(None))
+        motion = Explanation(base, base, Selection([base]), [], anchored=search)
+        instead = engine._far_off(problem, motion, lambda fit: Selection([fit]), lambda words: None)
+    assert (instead.outside.name if instead and instead.outside else None) == found

@@ -182,6 +182,11 @@ def new(
     made = make(parts) if chain is not None else Chain(load_system(str(from_)), {})
     values = dict(_assignment(text) for text in set_ or [])
     made = with_data_sheet(made, values)
+    if chain is not None and not made.system.inputs:
+        raise UserError(
+            f"new: --chain {chain} is given, and nothing drives its first part; motor, loop, motion, load, link, "
+            "pendulum, screw or friction is allowed there"
+        )
     folder = results_folder(out)
     for name in ("system.ssd", "campaign.toml"):
         if (folder / name).exists():
@@ -189,16 +194,17 @@ def new(
     words = [(name, part.words) for name, part in made.parts.items()]
     console.print(write_readable(made.system, words, folder / "system.ssd"), soft_wrap=True)
     if chain and "shaft" not in parts:
-        console.print(*_shaft(made), sep="", end="")
+        console.print(*_shaft(made, "shaft.c_s" in values), sep="", end="")
     console.print(*_ringing(made), sep="", end="")
     (folder / "campaign.toml").write_text(_campaign(made.system, folder), encoding="utf-8")
     console.print(folder / "campaign.toml", soft_wrap=True)
 
 
-def _shaft(made: Chain) -> list[str]:
-    """What was put between two parts that both bring motion, in words; nothing: it was not needed."""
+def _shaft(made: Chain, known: bool) -> list[str]:
+    """What was put between two parts that both bring motion, in words; nothing: it was not needed. known: its stiffness
+    was given."""
     names = list(made.parts)
-    if "shaft" not in names:
+    if "shaft" not in names or known:
         return []
     k, c_s = names.index("shaft"), made.system.component("shaft").parameters["shaft.c_s"]
     between = f"a shaft of {c_s:g} N.m/rad stands between {names[k - 1]} and {names[k + 1]}"

@@ -14,10 +14,12 @@ from cobot_joint.diagnosis.data.quantity import convert
 from cobot_joint.diagnosis.data.recording import Connector
 from cobot_joint.errors import UserError, among
 
+COMMAND = "command"
 ALIKE = 0.5  # of two names, from which one may stand for the other
 # what people call things, in the words that connectors are named with
 WORDS = {
-    "soll": "command", "set": "command", "target": "command", "goal": "command", "bremse": "brake", "mot": "motor",
+    "cmd": COMMAND, "demand": COMMAND, "goal": COMMAND, "ref": COMMAND, "reference": COMMAND, "set": COMMAND,
+    "setpoint": COMMAND, "soll": COMMAND, "target": COMMAND, "bremse": "brake", "mot": "motor",
     "speed": "w", "velocity": "w", "drehzahl": "w", "n": "w", "omega": "w", "angle": "phi", "position": "phi",
     "pos": "phi", "torque": "tau", "moment": "tau", "drehmoment": "tau", "m": "tau", "current": "i", "strom": "i",
     "voltage": "v", "spannung": "v", "u": "v", "ab": "sensor", "last": "load",
@@ -56,7 +58,7 @@ def guess(channels: Sequence[Channel], connectors: Mapping[str, Connector], logg
     usual = set(logged)
     pairs = []
     for channel in channels:
-        fitting = [c for c in connectors.values() if _converts(channel.unit, c.unit)]
+        fitting = [c for c in connectors.values() if _fits(channel, c)]
         for connector in fitting:
             likeness = _likeness(channel.name, connector.name)
             only = channel.unit is not None and len(fitting) == 1
@@ -81,7 +83,7 @@ def _only_ones_left(
     """Of columns with a unit and connectors without a column, those that have nobody else."""
     columns = [c for c in channels if c.unit and c not in [g.column for g in chosen.values()]]
     left = [c for c in connectors.values() if c.name not in chosen and c.unit]
-    fitting = {c.name: [column for column in columns if _converts(column.unit, c.unit)] for c in left}
+    fitting = {c.name: [column for column in columns if _fits(column, c)] for c in left}
     return [
         Guess(columns[0], name, "the only one left in this unit")
         for name, columns in fitting.items()
@@ -108,6 +110,12 @@ def _header(column: Channel) -> str:
     return column.name + (f" [{column.unit}]" if column.unit else "")
 
 
+def _fits(column: Channel, connector: Connector) -> bool:
+    """By its unit, and what was asked of the machine is not what it did."""
+    asked = connector.causality == "output" and COMMAND in _words(column.name)
+    return _converts(column.unit, connector.unit) and not asked
+
+
 def _converts(unit: str | None, target: str | None) -> bool:
     if unit is None or target is None:
         return True
@@ -118,9 +126,14 @@ def _converts(unit: str | None, target: str | None) -> bool:
     return True
 
 
+def _words(name: str) -> list[str]:
+    """`PosCmd_1` -> phi, command"""
+    apart = re.findall(r"[a-z]+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower())
+    return [WORDS.get(word, word) for word in apart]
+
+
 def _likeness(column: str, connector: str) -> float:
-    a, b = (" ".join(WORDS.get(w, w) for w in re.findall(r"[a-z]+", name.lower())) for name in (column, connector))
-    return difflib.SequenceMatcher(None, a, b).ratio()
+    return difflib.SequenceMatcher(None, " ".join(_words(column)), " ".join(_words(connector))).ratio()
 
 
 def campaign_text(

@@ -84,7 +84,7 @@ def _toolbox() -> ModuleType:
     try:
         import faultdiagnosistoolbox
     except (ImportError, AttributeError) as error:  # an older one meets a newer numpy
-        raise NoToolbox(f"faultdiagnosistoolbox does not import: {error}") from error
+        raise NoToolbox(f"{error}; pip install 'cobot-joint[structural]' brings it") from error
     return faultdiagnosistoolbox
 
 

@@ -66,10 +66,11 @@ def isolability(found: Json | None, why: str) -> list[str]:
 
 
 def conditions(found: Json) -> list[str]:
-    """Where what is above noise is densest, by the variables that matter most."""
+    """Where what is above noise is densest, by the variables that matter most. Where less than noise is left elsewhere,
+    a share is more than all, and said as all."""
     told = found["densest"]
     said = [
-        f"{_percent(r['share'])} of it lies where {condition(r)}, {_percent(r['time'])} of "
+        f"{_percent(min(r['share'], 1.0))} of it lies where {condition(r)}, {_percent(r['time'])} of "
         f"{'the spectrum' if r['variable'] == 'frequency' else 'the samples'}."
         for r in told[:MOST]
     ]

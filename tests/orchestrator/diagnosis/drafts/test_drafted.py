@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from cobot_joint.diagnosis.data.formats import Channel
+from cobot_joint.diagnosis.data.recording import Connector
+from cobot_joint.diagnosis.drafts.campaign_text import guess
 from cobot_joint.system.read import load_system
 from tests.orchestrator.diagnosis.typed import Done
 
@@ -39,3 +44,28 @@ def test_the_supply_stands_in_the_system_of_a_motor(tmp_path: Path, cobot_joint:
     assert cobot_joint("new", "--chain", "motor", "--set", "motor.v_bus=48", "--out", "motor").returncode == 0
     assert "inverter.v_bus" in (tmp_path / "motor/system.ssd").read_text()
     assert load_system(str(tmp_path / "motor/system.ssd")).component("motor").parameters["inverter.v_bus"] == 48.0
+
+
+def test_a_chain_that_nothing_drives_is_refused_with_what_may_stand_first(cobot_joint: Callable[..., Done]) -> None:
+    done = cobot_joint("new", "--chain", "harmonic,link", "--out", "arm")
+    assert done.returncode == 2
+    assert "--chain harmonic,link is given, and nothing drives its first part; motor, loop" in " ".join(
+        done.stderr.split()
+    )
+
+
+@pytest.mark.parametrize(("given", "assumed"), [([], True), (["--set", "shaft.c_s=5000"], False)])
+def test_a_shaft_whose_stiffness_is_given_is_not_said_to_be_assumed(
+    cobot_joint: Callable[..., Done], given: list[str], assumed: bool
+) -> None:
+    done = cobot_joint("new", "--chain", "motor,harmonic,link", "--out", "arm", *given)
+    assert done.returncode == 0
+    assert ("that stiffness is assumed" in " ".join(done.stdout.split())) == assumed
+
+
+@pytest.mark.parametrize("name", ["PosCmd", "phi_soll", "pos_ref"])
+def test_a_set_value_is_not_taken_for_what_the_machine_did(name: str) -> None:
+    """The position that a loop was told to reach, the only column in mm beside its voltage, became the measured one."""
+    column, none = Channel(name, "rad", np.zeros(0), np.zeros(0)), Connector("phi", "output", "rad")
+    assert guess([column], {"phi": none}) == []
+    assert [g.connector for g in guess([replace(column, name="PosAct")], {"phi": none})] == ["phi"]

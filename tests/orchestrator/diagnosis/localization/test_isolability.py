@@ -65,6 +65,6 @@ def test_equations_are_those_of_the_units_model_structures() -> None:
 
 def test_without_the_toolbox_the_report_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "faultdiagnosistoolbox", None)
-    with pytest.raises(NoToolbox, match="does not import") as error:
+    with pytest.raises(NoToolbox, match=r"pip install 'cobot-joint\[structural\]' brings it") as error:
         isolability(load_system("joint_logged"), LOGGED, SHOWN)
     assert words(None, str(error.value))[0].startswith("Which units the channels can tell apart at all is not known: ")

@@ -20,6 +20,7 @@ ENOUGH = 0.97  # of what is above noise, from which on no further argument is tr
 KEPT = 0.99  # of the gain, that the smoothest table must keep
 SMALL = 1e-3  # of what a table takes, that its size costs: what the re-fit can do is left to the re-fit
 TURN = 2 * np.pi
+PASSES = 3.0  # over the same way in every run (there, back, there), from which on a place on it is told from a time
 
 
 @dataclass(frozen=True)
@@ -65,11 +66,11 @@ def look_for_table(
 ) -> Table | None:
     """The table that takes most at any of the ports; None: no signal there moves.
 
-    speeds_that_take: only tables over speeds, and of them those that take this share of what is above noise in the
-    recordings one by one.
+    speeds_that_take: only tables over speeds and places, and of them those that take this share of what is above noise
+    in the recordings one by one.
     """
     above = max(problem.excess(start.residual), start.chi2 - problem.samples, 1e-9)
-    arguments = over_any if speeds_that_take is None else over_speed
+    arguments = over_any if speeds_that_take is None else over_motion
     outputs = problem.outputs(start.run, list(dict.fromkeys(s for port in ports for s in port.signals)))
     best: tuple[float, Dictionary, int] | None = None
     for port in ports:
@@ -92,11 +93,29 @@ def over_speed(dictionary: Dictionary, count: int) -> list[Argument]:
     return _over(dictionary, [dictionary.speed] if dictionary.speed else [], count)
 
 
+def over_motion(dictionary: Dictionary, count: int) -> list[Argument]:
+    """The unit's own speed, and the place of what goes to and fro: a nut may be worn on half of its way."""
+    return over_speed(dictionary, count) + over_place(dictionary, count)
+
+
+def over_place(dictionary: Dictionary, count: int) -> list[Argument]:
+    """Angles that are passed to and fro, from the first place to the last, with the sign of their speed."""
+    moved = {angle: [k.signals[angle] for k in dictionary.locals.values()] for angle in dictionary.speeds}
+    again = [a for a, runs in moved.items() if all(_path(u) >= PASSES * np.ptp(u) for u in runs if np.ptp(u) > 0)]
+    ends = {a: (min(u.min() for u in moved[a]), max(u.max() for u in moved[a])) for a in again}
+    return [Argument(a, np.linspace(*ends[a], count), 0.0, dictionary.speeds[a]) for a in again if np.ptp(ends[a]) > 0]
+
+
+def _path(angle: Vector) -> float:
+    """Length of the way, there and back."""
+    return float(np.sum(np.abs(np.diff(angle))))
+
+
 def over_any(dictionary: Dictionary, count: int) -> list[Argument]:
-    """Speed, loads, angles over a turn, time; the latter two also with the sign of the speed."""
+    """Speed, place, loads, angles over a turn, time; the latter two also with the sign of the speed."""
     locals_ = list(dictionary.locals.values())
     directions = ["", *([dictionary.speed] if dictionary.speed else [])]
-    found = over_speed(dictionary, count) + _over(dictionary, dictionary.loads, count)
+    found = over_motion(dictionary, count) + _over(dictionary, dictionary.loads, count)
     for name in (a for a in dictionary.angles if dictionary.reach(a) > TURN / 2):
         found += [Argument(name, np.linspace(0, TURN, count), TURN, d) for d in directions]
     end = max(float(k.time[-1]) for k in locals_)

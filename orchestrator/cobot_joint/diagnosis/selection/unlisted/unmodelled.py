@@ -152,7 +152,7 @@ def look_at_ports(
     answer = partial(_answer, problem, start, selected)
     places = pointed_to(problem, start, least, units)
     if not places:
-        return _over_a_speed(problem, start, answer, say)
+        return _over_motion(problem, start, answer, say)
     found = _best(problem, start, places, answer)
     takes_all = found is not None and found.taken > thresholds.ENOUGH
     if not takes_all and places[0].points < least * (start.chi2 - problem.samples):
@@ -189,8 +189,9 @@ def look_at_ports(
     return found
 
 
-def _over_a_speed(problem: Problem, start: Fit, answer: Answer, say: Say) -> Unmodelled | None:
-    """A table over a unit's own speed, where a few forms fall short of what stands out: a resonance is none of them."""
+def _over_motion(problem: Problem, start: Fit, answer: Answer, say: Say) -> Unmodelled | None:
+    """A table over a unit's own speed or place, where a few forms fall short of what stands out: a resonance, or a nut
+    that is worn on half of its way, is none of them."""
     if not problem.stands_out(start.residual):
         return None
     table = look_for_table(problem, start, problem.plant.ports, say, speeds_that_take=thresholds.HOLDS)

@@ -19,7 +19,7 @@ from cobot_joint.diagnosis.estimation.multiscale import slow_first
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.findings import Estimate, Finding
 from cobot_joint.diagnosis.localization.evidence import where_it_gains
-from cobot_joint.diagnosis.selection.competition import finished
+from cobot_joint.diagnosis.selection.competition import Competition, finished
 from cobot_joint.diagnosis.selection.confidence import beside_background, confidence
 from cobot_joint.diagnosis.selection.elimination import kept_beside, without, without_terms
 from cobot_joint.diagnosis.selection.far_off import values_from_afar
@@ -246,7 +246,8 @@ def _nearby(problem: Problem, calibrated: Fit, least: float, tried: int) -> Fit 
     """The same, of those that promise so much by their sensitivities."""
     promising = sorted(((predicted_decrease(free), k, free) for k, free in enumerate(_freed(calibrated))), reverse=True)
     near = [each[2] for each in promising if each[0] > least][:tried]
-    return _lowest([fit(problem, free.hypothesis, free.x, free.jacobian, finished(1)) for free in near])
+    best = _lowest([fit(problem, free.hypothesis, free.x, free.jacobian, finished(1)) for free in near])
+    return Competition(problem).finished(best) if best is not None and problem.unexplained(best.residual) else best
 
 
 def _lowest(fits: Sequence[Fit | None]) -> Fit | None:

@@ -28,6 +28,7 @@ from cobot_joint.diagnosis.selection.outside import leaves_least
 from cobot_joint.diagnosis.selection.selection import Selection
 from cobot_joint.diagnosis.store import Store
 from tests.orchestrator.diagnosis.axis import Axis, campaign
+from tests.orchestrator.diagnosis.estimation.test_multiscale import LATE, PRECISION, stop
 
 STEP, SIGMA = 1e-3, 0.002
 J_1, TAU, DECAY = 1.0, 1.0, 1.0
@@ -111,3 +112,15 @@ def test_a_parameter_that_the_motion_claims_gives_way_to_one_that_leaves_less_of
         motion = Explanation(base, base, Selection([base]), [], anchored=search)
         instead = engine._far_off(problem, motion, lambda fit: Selection([fit]), lambda words: None)
     assert (instead.outside.name if instead and instead.outside else None) == found
+
+
+@pytest.mark.parametrize("late", [0.015, 0.03])
+def test_a_parameter_let_go_of_is_brought_out_of_a_local_minimum(late: float) -> None:
+    """A brake's torque per ampere left ten times what it does at its place, and a channel's gain was the answer
+    (machine 193/62)."""
+    problem = stop(late)
+    calibrated = fit(problem, Hypothesis(tolerances(problem, {LATE.name: (0.0, 0.004)})), precision=PRECISION)
+    assert calibrated is not None
+    found = leaves_least(problem, calibrated, 0.0)
+    assert found is not None
+    assert found.run.values[LATE.name] == pytest.approx(late, abs=1e-4)

@@ -90,7 +90,7 @@ def repaired_with(count: int) -> str:
 def _farthest_off(channels: Mapping[str, Json]) -> str:
     """The channel of which the re-fitted system is farthest off in training runs; "": its noise is not known."""
     known = {n: (c["train"]["calibrated"], c["noise"]) for n, c in channels.items() if c.get("noise") and "train" in c}
-    times = {name: off / noise for name, (off, noise) in known.items() if off is not None}
+    times = {name: off / noise for name, (off, noise) in known.items() if off is not None and noise > SEEN * off}
     if not times:
         return ""
     name = max(times, key=times.__getitem__)

@@ -61,7 +61,8 @@ def verdict_sentence(d: Json, terms: Mapping[str, TermText]) -> str:
     how = "a value that fits" if len(outside) == len(claims) else "modelling it"
     tail = "" if better is None else f"; {how} removes {percent(better[0])} of the error above the noise{better[1]}"
     if unsure := [_said(f, terms) for f in findings if f not in claims]:
-        tail += f". No claim, though {repaired_with(len(unsure))}: {' and '.join(unsure)}"
+        them = "it" if len(unsure) == 1 else "them"
+        tail += f". No claim, though the repaired system has {them}: {' and '.join(unsure)}"
     if nothing_claimed:
         nearest = " and ".join(_said(f, terms) for f in listed_first)
         return f"No effect reaches 50 % confidence; the closest is {nearest}{tail}."
@@ -80,11 +81,6 @@ def _said(f: Json, terms: Mapping[str, TermText]) -> str:
     places = [term.split(".")[0] for term in f.get("equivalent") or () if is_unlisted(term)]
     rival = f", or an effect that is on no list at {listed(places, 'or')}" if places else ""
     return f"{title_of(f['term'], terms)} in {f['component']}{rival} {sure}"
-
-
-def repaired_with(count: int) -> str:
-    """Of findings that are no claims."""
-    return "the repaired system has it" if count == 1 else "the repaired system has them"
 
 
 def _farthest_off(channels: Mapping[str, Json]) -> str:

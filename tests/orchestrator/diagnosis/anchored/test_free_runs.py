@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,10 +12,12 @@ import pytest
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored import free_runs
 from cobot_joint.diagnosis.anchored.search import Named, Search, confidence
+from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.estimation.problem import Run
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding
 from cobot_joint.diagnosis.plant.plant import TermCandidate
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
+from tests.orchestrator.diagnosis.made_up import CONCEALED, ONSET
 
 ALONG, FREE, REPAIRED = 5.0, 2.0, 7.0
 
@@ -136,3 +139,10 @@ def test_what_the_recorded_motion_claims_beside_listed_terms_is_fitted_with_them
     if found is not None:
         assert found[0] is both
         assert [s.term for s in found[1]] == ["a.drag", "a.teeth"]
+
+
+def test_a_term_with_its_onset_predicts_better_than_none_and_none_no_better_than_it(campaign_file: Path) -> None:
+    case = load_campaign(campaign_file)
+    late = {name: ONSET for name in CONCEALED if "cogging" in name}
+    assert free_runs.predicts_better(case, CONCEALED, {}, late)
+    assert not free_runs.predicts_better(case, {}, CONCEALED, late)

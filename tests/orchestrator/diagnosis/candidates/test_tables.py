@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cobot_joint.diagnosis.candidates.tables import look_for_table
+from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.calibrate import calibrate
 from cobot_joint.diagnosis.store import Store
 from tests.orchestrator.diagnosis.axis import NOISE, OFF, SAMPLES, Axis, campaign
@@ -15,22 +16,22 @@ from tests.orchestrator.diagnosis.axis import NOISE, OFF, SAMPLES, Axis, campaig
 WORN = 0.02  # N.m more friction on half of the way
 
 
-def worn() -> tuple[list[np.ndarray], float]:
-    """An axis that goes to and fro twice, recorded, with friction that is larger beyond its middle, rad."""
+def worn() -> tuple[Recording, float]:
+    """An axis that goes to and fro twice, with friction that is larger beyond its middle, rad."""
     recording = campaign(OFF).recordings[0]
     clean = Axis().simulate(OFF, recording)
     middle = float(np.mean([clean["axis.phi"].min(), clean["axis.phi"].max()]))
     for _ in range(20):
         tau = -WORN * (clean["axis.phi"] > middle) * np.tanh(clean["axis.w"] / 0.5)
         clean = Axis().simulate(OFF, recording, added={"axis.tau_add": tau})
-    return [clean["w"] + np.random.default_rng(1).normal(0, NOISE, SAMPLES)], middle
+    w = clean["w"] + np.random.default_rng(1).normal(0, NOISE, SAMPLES)
+    return replace(recording, outputs={"w": w}), middle
 
 
 def test_friction_that_is_larger_on_half_of_the_way_is_a_table_over_the_place() -> None:
     """A ball screw's nut, worn on one side: over speed a table took 15 % of what was left, over the place 69 %."""
-    recorded, middle = worn()
-    case = campaign(OFF)
-    case = replace(case, recordings=[replace(case.recordings[0], outputs={"w": recorded[0]})])
+    recording, middle = worn()
+    case = replace(campaign(OFF), recordings=[recording])
     problem, calibrated = calibrate(case, Axis(), lambda words: None, Store(None))
     found = look_for_table(problem, calibrated, Axis.ports, lambda words: None, speeds_that_take=0.5)
     assert found is not None

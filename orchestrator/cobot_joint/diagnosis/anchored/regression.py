@@ -8,6 +8,7 @@ Evidence and the groups' variances: MacKay 1992, Neural Computation 4(3), "Bayes
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,6 +22,7 @@ OWN = 1e-6  # of a column's square that is its own beside the others: less is ro
 SMALLEST = 1e-30
 LEAST = 1e-3  # coefficients that the data decide of a group that they say nothing of
 ROUNDING = 1e-11
+HELD = 1e-4  # sigma of the readings that a coefficient held at a value may still move
 
 
 @dataclass(frozen=True)
@@ -145,17 +147,30 @@ class Regression:
         return np.array(found)
 
     def predicted_free(self, k: int, bound: float, parts: Parts) -> Array:
-        """Log likelihood that coefficient k adds to each part where it is free rather than held at a bound, all fitted
-        to the others: (parts,). 0: the others do not press against the bound, from where it lies."""
+        """Log of the predictive density that coefficient k adds to each part, given the others, where it is free rather
+        than held at a bound: (parts,). 0: the others do not press against the bound, from where it lies."""
         found, total, pull = [], self.columns.gram.sum(axis=0), self.columns.gradient.sum(axis=0)
-        side = np.sign(self.theta[k] - bound)
+        side, held = np.sign(self.theta[k] - bound), self._held(k, bound, float(total[k, k]))
+        in_all = self._over(held, total, pull)
         for part in parts:
-            gram, gradient = self.columns.gram[part].sum(axis=0), self.columns.gradient[part].sum(axis=0)
-            free, covariance = self._solved(self.variances, total - gram, pull - gradient, 0)
-            beyond = side * max(side * (free[k] - bound), 0.0)
-            held = free - covariance[:, k] / covariance[k, k] * beyond
-            found.append(_likelihood(free, gram, gradient) - _likelihood(held, gram, gradient))
+            others = total - self.columns.gram[part].sum(axis=0)
+            rest = pull - self.columns.gradient[part].sum(axis=0)
+            free, _ = self._solved(self.variances, others, rest, 0)
+            presses = side * (free[k] - bound) > 0
+            found.append(in_all - self._over(held, others, rest) if presses else 0.0)
         return np.array(found)
+
+    def _held(self, k: int, bound: float, size: float) -> Regression:
+        """The same with coefficient k known to be at a bound. size: its column's square."""
+        held, among = copy(self), np.arange(self.first) == k
+        held.precision = np.where(among, max(size, SMALLEST) / HELD**2, self.precision)
+        held.centre = np.where(among, bound, self.centre)
+        return held
+
+    def _over(self, other: Regression, gram: Array, gradient: Array) -> float:
+        """How much more likely such data are here than with the other's prior."""
+        own, its = (each._evidence(each.variances, gram, gradient, 0) for each in (self, other))
+        return own - its
 
     def _own(self, more: Products) -> Array | None:
         """What of the columns' products no other column can stand in for; None: nothing but rounding."""

@@ -155,3 +155,32 @@ def test_a_parameter_beyond_a_bound_predicts_where_all_parts_press_on_it_and_not
     lopsided = regression(known, smooth, once)
     assert lopsided.theta[0] > bound
     assert np.sort(lopsided.predicted_free(0, bound, [[b] for b in range(len(lopsided.columns.gram))]))[1:-1].sum() <= 0
+
+
+def test_a_parameter_beyond_a_bound_predicts_what_the_dense_gaussians_given_the_others_say(
+    rng: np.random.Generator,
+) -> None:
+    """Of a part whose others hardly show the parameter, too: their own estimate of it had to hold there as it was, and
+    an inertia that all parts pressed on was refused (machines 193/8, 193/41)."""
+    known, smooth, _ = drawn(rng)
+    half, bound = ROWS // 2, 0.3
+    known[:half, 0] *= 0.03
+    e = rng.normal(size=ROWS) + known @ [0.8, -0.2] + smooth @ rng.normal(0, 0.3, 8)
+    found = regression(known, smooth, e)
+    background = np.eye(ROWS) + found.variances[0] * smooth @ smooth.T
+    spread = np.linalg.inv(np.diag(found.precision))
+
+    def given_the_others(columns: Array, left: Array, part: Array) -> float:
+        V = background + known[:, columns] @ spread[np.ix_(columns, columns)] @ known[:, columns].T
+        others = np.setdiff1d(np.arange(ROWS), part)
+        gain = V[np.ix_(part, others)] @ np.linalg.inv(V[np.ix_(others, others)])
+        rest, of_it = left[part] - gain @ left[others], V[np.ix_(part, part)] - gain @ V[np.ix_(others, part)]
+        return float(-0.5 * rest @ np.linalg.solve(of_it, rest) - 0.5 * np.linalg.slogdet(of_it)[1])
+
+    halves = [[0, 1], [2, 3]]
+    for part, predicted in zip(halves, found.predicted_free(0, bound, halves), strict=True):
+        rows = np.concatenate([np.arange(b * ROWS // BLOCKS, (b + 1) * ROWS // BLOCKS) for b in part])
+        free = given_the_others(np.array([0, 1]), e, rows)
+        held = given_the_others(np.array([1]), e - bound * known[:, 0], rows)
+        assert predicted in (0, pytest.approx(free - held, abs=1e-3))
+        assert predicted > -1

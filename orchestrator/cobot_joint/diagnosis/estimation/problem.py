@@ -252,6 +252,11 @@ class Problem:
         """
         return [_binned(residual[block.rows]) ** 2 / BLOCK - _binned(block.weight) / BLOCK for block in self.blocks]
 
+    def excess_times(self) -> list[Vector]:
+        """Per block of rows: when its means begin, s, (n / BLOCK,)."""
+        times = self.times()
+        return [times[b.rows][: len(_binned(b.weight)) * BLOCK : BLOCK] for b in self.blocks]
+
     def excess(self, residual: Vector) -> float:
         """`excess_by_block`, all of it."""
         return float(sum(part.sum() for part in self.excess_by_block(residual)))

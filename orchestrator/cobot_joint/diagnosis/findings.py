@@ -117,13 +117,15 @@ class Finding:
     shape: Form | None = None  # of an effect that is on no list
     load_history: LoadHistory | None = None
     ground: Ground = "term not counted"
-    limited_by: str = ""  # why it is no claim, where it would be one
+    limited_by: str = ""  # why it is no surer
+
+    def limited(self, to: float, why: str) -> Finding:
+        """No surer than that, whatever speaks for it."""
+        return replace(self, confidence=to, limited_by=why) if self.confidence > to else self
 
     def withheld(self, why: str) -> Finding:
         """No claim, whatever speaks for it."""
-        if self.confidence <= thresholds.WITHHELD:
-            return self
-        return replace(self, confidence=thresholds.WITHHELD, limited_by=why)
+        return self.limited(thresholds.WITHHELD, why)
 
     @property
     def component(self) -> str:

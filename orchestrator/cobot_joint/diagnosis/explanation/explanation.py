@@ -11,7 +11,7 @@ from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding, Ground, Verdict
 from cobot_joint.diagnosis.localization.evidence import where_it_shows
-from cobot_joint.diagnosis.selection.confidence import COUNTED_TERMS, beside_background, confidence
+from cobot_joint.diagnosis.selection.confidence import BESIDE_MUCH, COUNTED_TERMS, beside_background, confidence
 from cobot_joint.diagnosis.selection.misreading import Misread
 from cobot_joint.diagnosis.selection.outside import Outside
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
@@ -53,6 +53,8 @@ def answer(problem: Problem, explanation: Explanation) -> Diagnosis:
     if explanation.rival:
         instead_of = {s.term for s in explanation.selection.selected} - {s.term for s in explanation.rival.selected}
         findings = [_beside(f, explanation.rival) if f.term in instead_of else f for f in findings]
+    if problem.stands_out(explanation.fit.residual) and not problem.is_table:
+        findings = [f.limited(BESIDE_MUCH, "what is left stands out from the noise") for f in findings]
     if misread:  # which of them it is, the recordings cannot say
         findings = [f.withheld("a channel that is misread would explain as much") for f in findings]
     findings = sorted((_together(f, findings) for f in findings), key=lambda f: -f.gain)

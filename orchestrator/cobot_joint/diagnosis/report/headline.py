@@ -180,7 +180,7 @@ def how_sure(f: Json, d: Json) -> str:
     if d.get("repair") == "withheld":
         return f"{said}: less than even, since its repair is withheld"
     if f.get("limited_by"):
-        return f"{said}: less than even, since {f['limited_by']}"
+        return f"{said}: {'less than even' if given < thresholds.EVEN else 'no more'}, since {f['limited_by']}"
     ground = f.get("confidence_from")
     if ground in ("background", "recorded motion") and given >= thresholds.EVEN:
         claims, true = COUNTED_BESIDE

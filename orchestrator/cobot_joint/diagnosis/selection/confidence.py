@@ -14,6 +14,7 @@ COEFFICIENTS = (-3.25, -1.17, -0.73)
 EVEN_AT, EVEN_AT_UNLISTED = 0.6, 0.746
 BEYOND, SHORT = 12.0, 5.0
 LEAST_LEFT, MOST = 1e-3, 0.95
+BESIDE_MUCH = 0.65  # at most, where what is left stands out: of six such claims on drawn machines four were true
 LEFT = 500.0  # chi-square of slow structure from which on something is left
 # (from, below), findings, true ones among them: counted on 500 drawn campaigns (docs/diagnosis-calibration.md)
 COUNTED = (

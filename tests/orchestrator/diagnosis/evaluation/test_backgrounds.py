@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.engine import identify
 from cobot_joint.diagnosis.evaluation import backgrounds
@@ -18,6 +19,7 @@ from cobot_joint.diagnosis.evaluation.synthetic import Concealer
 from cobot_joint.diagnosis.findings import Diagnosis, Finding
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import Signals
+from cobot_joint.diagnosis.selection.confidence import BESIDE_MUCH
 from cobot_joint.errors import UserError
 
 PATTERN = Path(__file__).parents[4] / "proof" / "open" / "case14" / "campaign.toml"
@@ -225,6 +227,14 @@ def test_a_term_as_large_as_it_may_be_that_leaves_what_stands_out_is_no_claim() 
     """A gear that gives way had been a brake that fades altogether, 95 %, which left eighty sigma."""
     row = counted(Draws(PATTERN.parents[1] / "case04" / "campaign.toml", 8.0, 197), 37)
     assert [f for f in row["findings"] if f["confidence"] >= 0.5 and not f["true"]] == []
+
+
+@pytest.mark.long
+def test_a_claim_beside_what_stands_out_is_no_surer_than_such_claims_were() -> None:
+    """A gap with a drag beside it had been a brake's idle torque, 95 %, which left thirteen sigma."""
+    row = counted(Draws(PATTERN.parents[1] / "case04" / "campaign.toml", 8.0, 193), 53)
+    assert row["left"]["repaired"] > thresholds.LEFT_SIGMA**2 * 48000
+    assert max(f["confidence"] for f in row["findings"]) <= BESIDE_MUCH
 
 
 @pytest.mark.long

@@ -285,10 +285,12 @@ class Selector:
     def with_onsets(self, best: Fit) -> Fit:
         """With the onsets of several terms looked at once more: they were found while the last was off. Of one term,
         too, where it leaves what stands out: its own was found while all else made up for it, and a sensor's low-pass a
-        tenth of a second late left eighty times as much (machine 193/51)."""
+        tenth of a second late left eighty times as much (machine 193/51). Not of a wave: free runs lose the angle that
+        it goes by."""
         terms = best.hypothesis.terms
         late = [k for k, active in enumerate(terms) if active.onset is not None]
-        if len(terms) == 1 and not self.problem.stands_out(best.residual):
+        alone = len(terms) == 1
+        if alone and (terms[0].term.phase is not None or not self.problem.stands_out(best.residual)):
             return best
         for _ in range(PASSES if late else 0):
             before = best.cost

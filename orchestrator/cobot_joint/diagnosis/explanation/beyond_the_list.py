@@ -50,6 +50,7 @@ class BeyondTheList:
         self.stands_out = problem.stands_out(listed.fit.residual)
         self.follows, self.given = can_follow(campaign, problem.plant), motion_is_given(campaign)
         self.takes_most, self.much = takes_most(problem, listed), much_is_left(problem, listed)
+        self._freely: tuple[Search, tuple[Fit, list[Selected]] | None] | None = None
 
     def explanation(self) -> Explanation:
         """The listed terms alone where nothing else does better.
@@ -216,8 +217,10 @@ class BeyondTheList:
         return left < (1 - thresholds.HOLDS) * before and formula.outdoes(self.problem, claimed)
 
     def _claimed_freely(self, found: Search) -> tuple[Fit, list[Selected]] | None:
-        """All that the motion names, fitted to free runs; None: some of it does not help them."""
-        both = beside_listed(self.problem, self.listed.up_to(0), found)
+        """All that the motion names, fitted to free runs, once; None: some of it does not help them."""
+        if self._freely is None or self._freely[0] is not found:
+            self._freely = found, beside_listed(self.problem, self.listed.up_to(0), found)
+        both = self._freely[1]
         every = {n.name for n in found.named if n.shows}
         return both if both is not None and {s.term for s in both[1]} == every else None
 

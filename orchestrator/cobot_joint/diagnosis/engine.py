@@ -171,7 +171,7 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     if beside := _beside_claimed(problem, found, select, say):
         return _or_misread(problem, beside, misread)
     visible = problem.stands_out(found.calibrated.residual) or drifts_visibly(problem)
-    along = found.anchored and (found.anchored.claims or not visible)
+    along = found.anchored and found.anchored.claims
     if along and visible and (instead := _far_off(problem, found, select, say)):
         return _or_misread(problem, instead, misread)
     if found.outside or (found.unmodelled and not is_formula) or along or (found.background and not found.selected):

@@ -23,6 +23,7 @@ Kind = Literal[
 ]  # fmt: skip
 
 CLIPPED = 0.002  # share of samples at an extreme, in runs that noise would break up
+AT_REST = 0.3  # of the usual step, by which a profile that comes to rest at an extreme still moves just before
 FROZEN = 0.25  # s of one value while others move
 HELD = 0.1  # share of samples that repeat the one before in the middle of motion: 0.05 at most in 493 sound channels
 PACE = 3.0  # steps, and sigma of the noise, per sample, from which on motion is no chance repeat (at 2: share 0.11)
@@ -129,7 +130,7 @@ def faults(r: Recording) -> Iterator[Fault]:
 
 
 def clipped(x: Vector) -> tuple[str, Mask]:
-    """Runs of one value at an extreme, of a channel that is never as still anywhere else.
+    """Runs of one value at an extreme, of a channel that is never as still anywhere else and does not slow down to it.
 
     Samples beside one at the extreme go with it: of those near the limit only what noise leaves below would be kept.
     None go where the converter's steps hide the noise: a smooth peak is as still then.
@@ -139,16 +140,32 @@ def clipped(x: Vector) -> tuple[str, Mask]:
     said, out = [], np.zeros(len(x), dtype=bool)
     for what, extreme in (("top", x[known].max()), ("bottom", x[known].min())):
         at = x[known] == extreme
-        count = int(sum(stop - start for start, stop in runs(at) if stop - start >= RAIL))
+        long = [run for run in runs(at) if run[1] - run[0] >= RAIL]
+        count = sum(stop - start for start, stop in long)
         elsewhere = still[~at].mean() if (~at).any() else 1.0
-        if count >= max(CLIPPED * len(at), RAIL) and elsewhere < 0.6 and extreme != 0:
+        rests = elsewhere >= 0.6 or _comes_to_rest(x[known], long)
+        if count >= max(CLIPPED * len(at), RAIL) and extreme != 0 and not rests:
             said.append(f"clipped at the {what}, {extreme:.4g}: {count} of {len(at)} samples in runs of one value")
             out |= binary_dilation(x == extreme, iterations=RAIL)
     return "; ".join(said), out & (not _hides_noise(np.where(out, np.nan, x)))
 
 
+def _comes_to_rest(x: Vector, long: Sequence[tuple[int, int]]) -> bool:
+    """Whether a channel slows down to stretches of one value, as a command without noise does at a profile's end."""
+    steps = np.diff(x)
+    moving = np.abs(steps[np.abs(steps) > 0])
+    if not len(moving):
+        return False
+    slow = max(AT_REST * float(np.median(moving)), 1.01 * quantisation_step(x[np.isfinite(x)]))
+    before = [steps[start - 4 : start - 1] for start, _ in long if start > 4]
+    after = [steps[stop : stop + 3] for _, stop in long if stop + 3 < len(x)]
+    slowing = [np.abs(edge).max() <= slow and not edge.min() < 0 < edge.max() for edge in before + after]
+    return bool(slowing) and sum(slowing) > 0.5 * len(slowing)
+
+
 def frozen(x: Vector, r: Recording, name: str) -> tuple[str, Mask]:
-    """One value for long, of a channel with noise, or that has left rest while other channels move.
+    """One value for long, of a channel with noise, or that has left rest while other channels move: without slowing
+    down to it.
 
     A drive that is switched off may log nothing but zeros: these are frozen only while another channel moves.
     """
@@ -169,6 +186,8 @@ def frozen(x: Vector, r: Recording, name: str) -> tuple[str, Mask]:
     found = {}
     for start, stop in long:
         mover = _mover(r, name, slice(max(start - 1, 0), stop))
+        if _comes_to_rest(x, [(start - 1, stop)]):
+            continue
         if (mover and noisy) or (x[start] != 0 and (mover or (noisy and not rests))):
             found[start, stop] = f"while {mover} moves" if mover else "without its noise"
             nowhere[start:stop] = True

@@ -155,11 +155,9 @@ class Competition:
         """(chi-square, onset) of the best of the borders between segments. Both: residuals."""
         time = self.problem.times()
         onsets = float(time.max()) / SEGMENTS * np.arange(1, SEGMENTS - 1)
-        order = np.argsort(time, kind="stable")
-        gains = np.concatenate([[0.0], np.cumsum((without**2 - with_it**2)[order])])
-        after = gains[-1] - gains[np.searchsorted(time[order], onsets)]
-        best = int(np.argmax(after))
-        return float(without @ without - after[best]), float(onsets[best])
+        taken = _taken_from(onsets, time, without**2 - with_it**2)
+        best = int(np.argmax(taken))
+        return float(without @ without - taken[best]), float(onsets[best])
 
     def with_onset(self, found: Fit, k: int = -1) -> Fit:
         """Term k's onset, or where it has these its beginning and length, refined with all else as it is.
@@ -207,13 +205,10 @@ class Competition:
         always, never = self.moved(found, k, [replace(active, onset=t) for t in (None, end + 1)])
         if always is None or never is None:
             return None
-        # a run with a term that sets in later is taken for the one without it until then, as in `sized`
         times = np.concatenate(self.problem.excess_times())
         more = np.concatenate(self.problem.excess_by_block(never.residual))
         more -= np.concatenate(self.problem.excess_by_block(always.residual))
-        order = np.argsort(times, kind="stable")[::-1]
-        onset = float(times[order][int(np.argmax(np.cumsum(more[order])))])
-
+        onset = float(times[int(np.argmax(_taken_from(times, times, more)))])
         near = onset + end / SEGMENTS * np.linspace(-NEAR, NEAR, LOOKS)
         slowest = self._least(found, k, near, lambda trial: self.problem.excess(trial.residual))
         if slowest is None:
@@ -247,6 +242,16 @@ class Competition:
             rest = self.problem.recorded - simulated.white
             fits.append(Fit(hypothesis, at.x, float(rest @ rest), rest, simulated, at.jacobian, 0))
         return fits
+
+
+def _taken_from(onsets: Vector, times: Vector, more: Vector) -> Vector:
+    """What a term takes that acts from each of these times on. more: at `times`, what is left without it and not with.
+
+    A run with a term that sets in later is taken for the one without it until then, and from then on for the one with.
+    """
+    order = np.argsort(times, kind="stable")
+    before = np.concatenate([[0.0], np.cumsum(more[order])])
+    return before[-1] - before[np.searchsorted(times[order], onsets)]
 
 
 def _is_hopeless(best: Fit, cost: float, lowest: float) -> bool:

@@ -20,7 +20,7 @@ from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.selection.competition import finished
 
 SIZES = tuple(2.0**k for k in range(-2, 6))  # times that whose response, in proportion, were as large as what is left
-OF_ITS_END = tuple(2.0**k for k in range(1, 8))  # parts of a bound, where most of these lie beyond it
+OF_ITS_END = tuple(2.0**k for k in range(8))  # parts of a bound, where most of these lie beyond it
 FITTED = 2  # of the leading terms
 NEAR = tuple(k / 32 for k in range(-16, 17))  # segments of a run, by which another term's onset may be off: where what
 # sets in leads to ringing, the slow part's valley is 0.03 s wide (machine 163/53)

@@ -26,7 +26,7 @@ from cobot_joint.diagnosis.selection.far_off import values_from_afar
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 
-TRIED = 2  # parameters that are fitted, of those from which the Jacobian expects most; beside listed terms one
+TRIED = 4  # parameters that are fitted, of those from which the Jacobian expects most; beside listed terms one
 
 Select = Callable[[Fit], Selection]
 Say = Callable[[str], None]
@@ -245,7 +245,8 @@ def leaves_least(problem: Problem, calibrated: Fit, least: float, tried: int = T
 def _nearby(problem: Problem, calibrated: Fit, least: float, tried: int) -> Fit | None:
     """The same, of those that promise so much by their sensitivities."""
     promising = sorted(((predicted_decrease(free), k, free) for k, free in enumerate(_freed(calibrated))), reverse=True)
-    near = [each[2] for each in promising if each[0] > least][:tried]
+    enough = max(least, thresholds.WORTH_FITTING * promising[0][0]) if promising else least
+    near = [each[2] for each in promising if each[0] > enough][:tried]
     best = _lowest([fit(problem, free.hypothesis, free.x, free.jacobian, finished(1)) for free in near])
     return Competition(problem).finished(best) if best is not None and problem.unexplained(best.residual) else best
 

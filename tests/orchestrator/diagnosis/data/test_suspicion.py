@@ -53,6 +53,16 @@ def test_of_a_clipped_channel_what_is_at_the_limit_is_left_out_and_nothing_far_f
     assert "bottom" in out.words
 
 
+@pytest.mark.parametrize("step", [0.0, 0.01], ids=lambda step: f"step {step}")
+def test_a_profile_that_slows_down_to_its_rests_is_neither_clipped_nor_frozen(step: float) -> None:
+    up = 20 * (1 - np.cos(np.pi * T[:1000]))
+    rests = [np.full(1000, level) for level in (0.0, 40.0, 0.0, 40.0)]
+    profile = np.concatenate([rests[0], up, rests[1], up[::-1], rests[2], up, rests[3], up[::-1]])
+    w = step * np.round(profile / step) if step else profile
+    r = run(w)
+    assert without_faults([r]) == [r]
+
+
 def test_every_frozen_stretch_is_left_out_but_for_its_first_sample() -> None:
     sound = speed(step=0.0)
     w = sound.copy()

@@ -107,11 +107,12 @@ def diagnose(
 
     path = Path(campaign)
     path = path / "campaign.toml" if path.is_dir() else path
-    folder = results_folder(Path(out) if out is not None else path.parent / "diagnosis")
+    folder = Path(out) if out is not None else path.parent / "diagnosis"
     if is_response(path):
-        outcome = diagnose_response_campaign(path, folder, progress=progress)
+        outcome = diagnose_response_campaign(path, results_folder(folder), progress=progress)
     else:
         loaded = load_campaign(path)
+        results_folder(folder)
         for suspicion in plausible(loaded):
             warnings.warn(str(suspicion), stacklevel=2)
         outcome = diagnose_campaign(loaded, folder, within=within, progress=progress)

@@ -303,16 +303,22 @@ def _unpack(path: Path, digest: str) -> Path:
 def _make_room(cache: Path) -> None:
     """Least recently used archives leave a cache that has grown too large; what may still be in use stays."""
     now = time.time()
-    ages = {place: now - place.stat().st_mtime for place in cache.iterdir() if place.is_dir()}
+    ages: dict[Path, float] = {}
+    for place in cache.iterdir():
+        with suppress(FileNotFoundError):  # another process has just taken it away
+            ages |= {place: now - place.stat().st_mtime} if place.is_dir() else {}
     for place in [place for place, age in ages.items() if place.name.startswith(PARTIAL) and age > IN_USE]:
         shutil.rmtree(place, ignore_errors=True)  # of a process that was killed
         del ages[place]
-    sizes = {place: sum(file.lstat().st_size for file in place.rglob("*")) for place in ages}
+    sizes: dict[Path, int] = {}
+    for place in ages:
+        with suppress(FileNotFoundError):
+            sizes[place] = sum(file.lstat().st_size for file in place.rglob("*"))
     for place in sorted(ages, key=ages.__getitem__, reverse=True):
         if sum(sizes.values()) <= CACHE_BYTES or ages[place] <= IN_USE:
             return
         shutil.rmtree(place, ignore_errors=True)
-        del sizes[place]
+        sizes.pop(place, None)
 
 
 def _check_archive(path: Path, archive: zipfile.ZipFile) -> None:

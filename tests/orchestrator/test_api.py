@@ -126,6 +126,7 @@ def test_diagnose_takes_a_campaign_and_its_results_open_again(tmp_path: Path) ->
 def test_diagnose_refuses_what_is_no_campaign(tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"campaign\.toml"):
         cj.diagnose(tmp_path, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_load_results_says_what_it_needs(tmp_path: Path) -> None:

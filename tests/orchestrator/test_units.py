@@ -190,3 +190,19 @@ def test_work_through_a_flange_is_listed_for_integrators_and_no_state_of_the_mot
     assert listed == [w for flange in spring.flanges for w in (flange.W, flange.W_abs)]
     assert spring.states == {}
     assert load_unit(find_fmu("planetary_gear.fmu")).states == {"phi_o": "der(phi_o)", "w_o": "der(w_o)", "z": "der(z)"}
+
+
+def test_what_another_process_takes_away_meanwhile_is_no_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("kept", "gone"):
+        (tmp_path / name).mkdir()
+    whole = Path.is_dir
+
+    def gone_at_once(place: Path) -> bool:
+        there = whole(place)
+        if place.name == "gone" and there:
+            place.rmdir()
+        return there
+
+    monkeypatch.setattr(Path, "is_dir", gone_at_once)
+    units._make_room(tmp_path)
+    assert [place.name for place in tmp_path.iterdir()] == ["kept"]

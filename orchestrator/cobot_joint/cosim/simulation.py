@@ -33,7 +33,6 @@ Engine = Literal["native", "reference"]
 Progress = Callable[[float, float], None]  # (simulated time, stop time), s
 Rows = NDArray[np.float64]
 ROWS_PER_CHUNK = 10_000
-log = logging.getLogger("cobot_joint")
 
 
 class Master(Protocol):

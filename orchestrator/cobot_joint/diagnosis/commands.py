@@ -32,7 +32,6 @@ from cobot_joint.screen import Screen
 console = Screen()
 if not console.is_terminal:
     console = Screen(width=160)
-VARIANTS = ("nominal", "calibrated", "repaired")
 
 CampaignFile = Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="A campaign, or the folder that holds it.")]
 Baseline = Annotated[
@@ -123,6 +122,7 @@ def _warn_of_crashes(content: dict[str, Any]) -> None:
 def _diagnose_response(campaign: Path, out: Path | None) -> dict[str, Any]:
     """`diagnose` of amplitudes over frequency: every reading of the experiment beside the others."""
     from cobot_joint.diagnosis.frequency_run import diagnose_response_campaign
+    from cobot_joint.results.diagnosed import VARIANTS
     from cobot_joint.results.files import read_json
 
     path = campaign / "campaign.toml" if campaign.is_dir() else campaign
@@ -289,6 +289,8 @@ def _print_figures(
 def _figures(
     title: str, channels: dict[str, dict[str, Any]], units: dict[str, str], repair: str | None = None
 ) -> Table:
+    from cobot_joint.results.diagnosed import VARIANTS
+
     grid = Table(title=title, title_justify="left", title_style="bold")
     grid.add_column("channel")
     for name in ("unit", "noise", *VARIANTS):

@@ -54,13 +54,15 @@ def inspect(
         return
     folder = results_folder(out or logs[0].parent)
     if out is not None:
-        for path, i in zip(logs, found, strict=True):
+        stems = [path.stem for path in logs]
+        for k, (path, i) in enumerate(zip(logs, found, strict=True)):
+            stem = path.stem if stems.count(path.stem) == 1 else f"{path.stem} ({stems[: k + 1].count(path.stem)})"
             r, every = i.recording, max(1, len(i.recording.time) // POINTS)
             signals = {n: x[::every] for n, x in r.outputs.items()}
             at = np.arange(float(len(r.time))) if i.table else r.time
             panels = over_time(at[::every], signals, r.units)
             axis = "row" if i.table else "time [s]"
-            for file in draw(Picture(folder / path.stem, "signals", path.name, axis, panels)):
+            for file in draw(Picture(folder / stem, "signals", path.name, axis, panels)):
                 console.print(file, soft_wrap=True)
     if system is not None:
         asked = {"time": time, "skip": skip, "separator": separator, "encoding": encoding}
@@ -218,7 +220,7 @@ def _ringing(made: Chain) -> list[str]:
 
     names = list(made.parts)
     parts = {c.name: c for c in made.system.components}
-    if names[:2] != ["motion", "sensor"] or parts[names[2]].unit.name != "driven_load":
+    if len(names) < 3 or names[:2] != ["motion", "sensor"] or parts[names[2]].unit.name != "driven_load":
         return []
     load, spring = parts[names[2]].parameters, parts["sensor"].parameters
     J = load.get("body.J", 0.0) + load.get("body.m", 0.0) * load.get("body.r", 0.0) ** 2

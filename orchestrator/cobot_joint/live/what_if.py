@@ -173,6 +173,8 @@ def _sliders(d: Mapping[str, Any], campaign: Campaign) -> list[Slider]:
             middle, half = (lower + upper) / 2, (upper - lower) / 2
             low, high = min(middle - WIDER * half, e["value"]), max(middle + WIDER * half, e["value"])
             low, high = _within(units[component].bounds_of(variable), low, high)
+            if not high > low:
+                continue
             found.append(Slider(name, name, e["unit"], low, high, e["value"], "parameter"))
     return found
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
-VARIANTS = ("nominal", "calibrated", "repaired")
+VARIANTS = ("nominal", "calibrated", "repaired")  # the systems that a diagnosis compares
 ROLES = {"train": "training", "holdout": "held out"}
 
 
@@ -56,7 +56,7 @@ class Diagnosed:
 
         from cobot_joint.results.figures import COLOUR
 
-        rows = self._figures()
+        rows = [row for row in self._figures() if row[2]["noise"]]
         figure, axis = pyplot.subplots(figsize=(10, 1 + 0.7 * len(rows)), layout="constrained")
         for n, variant in enumerate(VARIANTS):
             length = [(x[role][variant] or 0.0) / x["noise"] for _, role, x in rows]

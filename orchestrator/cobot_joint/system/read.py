@@ -244,7 +244,7 @@ class _Reader:
                 for target, factor, offset in (mapping or {}).get(given.name, []):
                     value = given.value
                     if (factor, offset) != (1.0, 0.0):
-                        value = factor * float(value) + offset
+                        value = factor * _number(value, f"{at}: {given.name}") + offset
                     yield replace(given, name=prefix + target, value=value)
 
     def _mapping(self, binding: etree._Element, where: str) -> dict[str, list[tuple[str, float, float]]] | None:
@@ -334,11 +334,19 @@ def _type(connector: etree._Element) -> tuple[str | None, str | None]:
     return None, None
 
 
+def _number(value: Value | str, where: str) -> float:
+    try:
+        return float(value)
+    except ValueError:
+        raise UserError(f"{where}: {value!r} is given, a number is needed to be transformed") from None
+
+
 def _transformation(element: etree._Element, where: str) -> tuple[float, float]:
     for child in element:
         kind = etree.QName(child).localname
         if kind == "LinearTransformation":
-            return float(child.get("factor", "1")), float(child.get("offset", "0"))
+            factor, offset = child.get("factor", "1"), child.get("offset", "0")
+            return _number(factor, f"{where}: factor"), _number(offset, f"{where}: offset")
         if kind.endswith("Transformation"):
             raise UserError(f"{where}: {kind} is given, LinearTransformation is allowed")
     return 1.0, 0.0

@@ -115,7 +115,12 @@ def test_one_kind_of_physics_in_two_units_takes_one_place_among_those_that_are_f
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [("a,b\n1,x\n", "could not convert"), ("a,b\n1,2,3\n", "needed"), ("a,b\n1,-2\n", "have to be positive")],
+    [
+        ("a,b\n1,x\n", "could not convert"),
+        ("a,b\n1,2,3\n", "needed"),
+        ("a,b\n1,-2\n" * 1 + "2,1\n" * 12, "have to be positive"),
+        ("a,b\n1,2\n2,1\n", "2 frequencies are given, 10 at least"),
+    ],
 )
 def test_a_table_that_is_none_is_refused_in_one_line(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "table.csv").write_text(text)

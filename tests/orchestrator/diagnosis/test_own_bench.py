@@ -86,6 +86,20 @@ def test_what_inspect_was_told_of_a_file_stands_in_its_draft(
     np.testing.assert_allclose(run.outputs["w_motor"], 20 * np.cos(3 * T), atol=1e-6)
 
 
+def test_pictures_of_logs_of_one_name_are_kept_apart(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:
+    for day in ("day1", "day2"):
+        (tmp_path / day).mkdir()
+        write(tmp_path / day, "run.csv")
+    assert cobot_joint("inspect", "day1/run.csv", "day2/run.csv", "--out", "look").returncode == 0
+    assert {"run (1).png", "run (2).png"} <= {p.name for p in (tmp_path / "look").iterdir()}
+
+
+def test_a_chain_of_two_parts_is_a_chain(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:
+    done = cobot_joint("new", "--chain", "motion,sensor", "--out", "machine")
+    assert "Traceback" not in done.stderr
+    assert done.returncode == 0 or (done.returncode == 2 and not (tmp_path / "machine/system.ssd").exists())
+
+
 def test_a_chain_of_no_parts_is_refused(cobot_joint: Callable[..., Done]) -> None:
     done = cobot_joint("new", "--chain", "", "--out", "machine")
     assert done.returncode == 2

@@ -112,6 +112,15 @@ def test_a_terms_slider_reaches_from_neutral_to_twice_what_was_found(results: Wh
     assert sliders[R].low < 0.95 * 0.209 < 1.05 * 0.209 < sliders[R].high
 
 
+def test_a_parameter_that_its_unit_allows_one_value_has_no_slider(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = diagnosed(tmp_path, finding(), {})
+    monkeypatch.setattr("cobot_joint.live.what_if._within", lambda bounds, low, high: (low, low))
+    with WhatIf(folder, load_campaign(campaign_of(folder, None))) as loaded:
+        assert loaded.sliders == []
+
+
 def test_unmoved_sliders_leave_noise_and_neutral_ones_the_calibrated_error(results: WhatIf) -> None:
     names = results.first_shown
     assert names == ["train", "holdout"]

@@ -67,6 +67,17 @@ def test_mapping_renames_and_transforms(pair: Pair, line: str) -> None:
     assert system.component("motor").parameters == {"R": 8}
 
 
+def test_what_is_no_number_cannot_be_transformed(pair: Pair, line: str) -> None:
+    mapping = (
+        '<ssd:ParameterMapping><ssm:ParameterMapping version="1.0">'
+        f'<ssm:MappingEntry source="on" target="R">{line}</ssm:MappingEntry>'
+        "</ssm:ParameterMapping></ssd:ParameterMapping>"
+    )
+    given = '<ssv:Parameter name="on"><ssv:Enumeration value="open"/></ssv:Parameter>'
+    with pytest.raises(UserError, match=r"on: 'open' is given, a number is needed to be transformed"):
+        pair("", motor=binding(given, mapping=mapping))
+
+
 def test_parameter_outside_its_bounds_is_refused_with_the_place(pair: Pair) -> None:
     with pytest.raises(UserError, match=r"system\.ssd: component 'motor': motor\.R: 99 rpm is given, 0 to 10 rpm"):
         pair("", motor=binding(real("R", 99)))

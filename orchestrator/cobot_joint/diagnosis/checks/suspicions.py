@@ -132,7 +132,7 @@ def _motion(r: Recording) -> _Motion | None:
     series = r.inputs | r.outputs
     speeds = [n for n in r.outputs if r.units.get(n) == "rad/s"]
     window = 2 * max(2, round(SMOOTH / r.step)) + 1
-    if not speeds or len(r.time) < 50 * BLOCKS:
+    if not speeds or len(r.time) < max(50 * BLOCKS, window):
         return None
     recorded = np.all([np.isfinite(x) for x in series.values()], axis=0)
     known = binary_erosion(recorded, iterations=window // 2, border_value=1)

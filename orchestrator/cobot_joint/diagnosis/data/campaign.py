@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import tomllib
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -129,13 +132,25 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
         if entry.begin is not None or entry.end is not None:  # two windows of one file
             recording.name += f" from {recording.time[0]:.4g} s to {recording.time[-1]:.4g} s"
         recordings.append(recording)
+    if "train" in roles and not campaign.train:
+        raise UserError(f"{path}: every [[recording]] has role holdout, one at least with role train is needed")
     _something_moves(campaign)
     recordings[:] = without_faults(recordings)
-    names = [r.name for r in recordings]
-    for recording in recordings:  # a.csv beside a.parquet
-        if names.count(recording.name) > 1 and recording.path:
-            recording.name = recording.path.name
+    _name_apart(path.parent, recordings)
     return campaign
+
+
+def _name_apart(folder: Path, recordings: Sequence[Recording]) -> None:
+    """Each recording by a name of its own, which results go by: day1/run.csv and day2/run.csv, a.csv and a.parquet."""
+    taken = Counter(r.name for r in recordings)
+    for r in recordings:
+        if taken[r.name] > 1 and r.path:
+            window = r.name.removeprefix(r.path.stem)
+            r.name = os.path.relpath(r.path, folder).replace(os.sep, "/") + window
+    seen: Counter[str] = Counter()
+    for r in recordings:  # two windows of one file, whose times print alike
+        seen[r.name] += 1
+        r.name += f" ({seen[r.name]})" if seen[r.name] > 1 else ""
 
 
 def _take_motion(recording: Recording, system: System) -> None:
@@ -222,14 +237,18 @@ def missing_recordings(path: Path) -> list[Path]:
 def _join_published_holdout(path: Path, given: CampaignFile) -> None:
     """A sealed case's held-out run is published as holdout.parquet beside a campaign.toml of before."""
     file = "holdout.parquet"
-    if (path.parent / file).is_file() and all(file not in entry.patterns for entry in given.recording):
+    if (
+        given.recording
+        and (path.parent / file).is_file()
+        and all(file not in entry.patterns for entry in given.recording)
+    ):
         given.recording.append(RecordingEntry(file=file, setup=given.recording[-1].setup, role="holdout"))
 
 
 def read_campaign_file(path: Path) -> CampaignFile:
     """The file as it is. UserError: it is not a campaign."""
     try:
-        return CampaignFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+        return CampaignFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8-sig")))
     except FileNotFoundError as error:
         raise UserError(f"{path}: there is no such campaign file") from error
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:

@@ -42,6 +42,10 @@ class ChannelQuality:
     missing: int  # samples not recorded
     samples: int
 
+    def sigma(self, stated: float = 0.0) -> float:
+        """The noise; of a channel that shows none, because it rests or was computed, what is stated, else 1."""
+        return self.noise if np.isfinite(self.noise) and self.noise > 0 else stated or 1.0
+
 
 def condition(recordings: Sequence[Recording]) -> dict[str, ChannelQuality]:
     """Per compared channel, over all recordings that have it: the logger is the same in all of them."""

@@ -21,6 +21,8 @@ SAMPLE = 400  # lines from which the layout is guessed
 LONGEST_LINE = 100_000  # characters
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)", re.IGNORECASE)
 STAMP = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d.*")
+STAMP_WITH_COMMA = re.compile(r"(\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d),(?=\d)")
+CLOCK = re.compile(r"\d{1,2}:\d\d|\d{1,2}[./]\d{1,2}[./]\d{2,4}")  # of the day, a date: as no number is written
 SEPARATORS = (";", "\t", ",", "|", " ")
 NAMES = {"tab": "\t", "space": " ", "blank": " "}
 NULLS = ["", "nan", "NaN", "NAN", "-nan", "-NaN", "null", "NULL", "NA", "N/A", "#N/A", "n/a"]
@@ -60,11 +62,16 @@ def read_delimited(path: Path, layout: Layout) -> Table:
     separator = NAMES.get(layout.separator or "", layout.separator) or _separator(lines[layout.skip or 0 :])
     if separator not in SEPARATORS and len(separator) != 1:
         raise UserError(f'{path}: separator {separator!r} is given, one character, "tab" or "space" is allowed')
-    rows = [_cells(line, separator) for line in lines]
+    if separator != "," and any(STAMP_WITH_COMMA.search(line) for line in lines):
+        text = STAMP_WITH_COMMA.sub(r"\1.", text)
+        lines = _sample(path, text)
+    rows = _without_end([_cells(line, separator) for line in lines])
     if not any(map(_is_data, rows)):
-        raise UserError(f"{path}: no row of numbers is in its first {len(lines)} lines (read as {encoding})")
+        first = next((row[0] for row in rows[len(rows) // 2 :] if row), "")
+        clock = f"; {first!r} is no time: seconds or 2024-01-31 12:00:00.5 are read" if CLOCK.match(first) else ""
+        raise UserError(f"{path}: no row of numbers is in its first {len(lines)} lines (read as {encoding}){clock}")
     start, headers = _headers(rows, layout.skip)
-    decimal = layout.decimal or _decimal(path, rows[start:], separator)
+    decimal = layout.decimal or _decimal(path, rows[start:], separator, text)
     if separator == " ":
         text = "\n".join(" ".join(line.split()) for line in text.splitlines())
     table = _parsed(path, text, start, headers, separator, decimal)
@@ -82,7 +89,7 @@ def _decoded(path: Path, encoding: str | None) -> tuple[str, str]:
         except UnicodeDecodeError:
             encoding = "latin-1"
     try:
-        return content.decode(encoding), encoding
+        return content.decode(encoding).removeprefix("\ufeff"), encoding
     except LookupError as error:
         raise UserError(
             f'{path}: encoding {encoding!r} is given, a name such as "utf-8" or "latin-1" is needed'
@@ -127,8 +134,18 @@ def _cells(line: str, separator: str) -> list[str]:
     if separator == " ":
         return line.split()
     parts = next(csv.reader([line], delimiter=separator)) if '"' in line else line.split(separator)
-    cells = [cell.strip().strip('"').strip() for cell in parts]
-    return cells[:-1] if len(cells) > 1 and not cells[-1] else cells
+    return [cell.strip().strip('"').strip() for cell in parts]
+
+
+def _without_end(rows: list[list[str]]) -> list[list[str]]:
+    """Less the empty cell behind a separator that ends every row of numbers; under a name it is an empty column."""
+    data = [k for k, row in enumerate(rows) if _is_data(row)]
+    whole = data[:-1] or data  # the last may have been cut
+    width = len(rows[whole[0]]) if whole else 0
+    named = any(len(row) == width and row[-1] for row in rows[max(data[0] - 2, 0) : data[0]]) if data else False
+    if named or not all(len(rows[k]) > 1 and not rows[k][-1] for k in whole):
+        return rows
+    return [row[:-1] if len(row) > 1 and not row[-1] else row for row in rows]
 
 
 def _number(cell: str) -> bool:
@@ -167,8 +184,8 @@ def _headers(rows: Sequence[Sequence[str]], skip: int | None) -> tuple[int, list
         names, units = rows[above[-2]], rows[above[-1]]
     else:
         names, units = rows[above[-1]] if above else [], []
-    if names and len(names) == width + 1 and names[0] in ("#", "%"):
-        names = names[1:]
+    if names and len(names) == width + 1 and (names[0] in ("#", "%") or not names[-1]):
+        names = names[1:] if names[0] in ("#", "%") else names[:-1]
     headers = [_header(names, units, k) for k in range(max(width, len(names)))]
     return start, headers
 
@@ -193,10 +210,14 @@ def _is_units(row: Sequence[str]) -> bool:
     return bool(filled) and all(map(is_unit, filled)) and marked
 
 
-def _decimal(path: Path, rows: Sequence[Sequence[str]], separator: str) -> str:
+def _decimal(path: Path, rows: Sequence[Sequence[str]], separator: str, text: str) -> str:
+    """text: all of it, where the first rows are whole numbers. Between commas a number with a comma is quoted."""
     cells = [cell for row in rows for cell in row if NUMBER.fullmatch(cell)]
     commas, points = sum("," in c for c in cells), sum("." in c for c in cells)
-    if separator == "," or not commas:
+    if not commas and not points and separator != ",":
+        commas, points = (len(re.findall(rf"\d\{sign}\d", text)) for sign in ",.")
+        points = 0 if commas > points else points  # of dates, of names
+    if not commas:
         return "."
     if points:
         raise UserError(f'{path}: both 1,5 and 1.5 occur among its numbers: say decimal = "," or "."')

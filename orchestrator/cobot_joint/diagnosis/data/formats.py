@@ -143,7 +143,11 @@ def _arrow(column: pa.ChunkedArray, first_line: int | None = None) -> NDArray[np
         known = [v for v in values[:1000] if v == v]
         whole = np.ma.masked_invalid(values.astype(float)) if values.dtype.kind == "f" else values
         return np.asarray((whole - (known[0] if known else 0)) * 1e-9, dtype=float)
-    if pa.types.is_boolean(kind) or pa.types.is_integer(kind) or pa.types.is_floating(kind):
+    if pa.types.is_integer(kind):  # of an epoch in ns a double knows no microseconds
+        values = column.to_numpy(zero_copy_only=False)
+        large = values.dtype.kind in "iu" and len(values) and np.abs(values).max() > 2**53
+        return np.asarray(values - (values[0] if large else 0), dtype=float)
+    if pa.types.is_boolean(kind) or pa.types.is_floating(kind):
         return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False))
     if pa.types.is_null(kind):
         return "has no values"

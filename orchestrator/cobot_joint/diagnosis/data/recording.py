@@ -174,7 +174,7 @@ def _wanted(
     missing: dict[str, str] = {}
     for header, column in columns.items():
         name = split_header(header)[0]
-        channel = log.find(name)
+        channel = _there(log, name, bool({name, header, column.connector} & set(reading.without)))
         if column.connector not in connectors:
             if channel:
                 notes.append(
@@ -218,6 +218,14 @@ def _wanted(
     return found
 
 
+def _there(log: Log, name: str, may_lack: bool) -> Channel | None:
+    """A log's channel. None: there is none, or it holds nothing and may be missing."""
+    if may_lack and name in log.unusable:
+        return None
+    channel = log.find(name)
+    return None if channel and may_lack and not np.isfinite(channel.values).any() else channel
+
+
 def _check_values(log: Log, channel: Channel) -> None:
     """UserError: a channel holds nothing, or a number that no instrument gives."""
     wild = np.abs(channel.values) > LARGEST
@@ -253,7 +261,9 @@ def _in_unit(
     values = -values if column.sign < 0 else values
     offset = column.offset
     if isinstance(offset, str):
-        offset = float(convert(np.ones(1), offset, target or unit, f"{where}: offset")[0][0])
+        size = offset.strip().removeprefix("-")  # a unit's factor has no sign
+        offset = float(convert(np.ones(1), size, target or unit, f"{where}: offset")[0][0])
+        offset = -offset if str(column.offset).strip().startswith("-") else offset
     return (values + offset if offset else values), unit
 
 

@@ -62,12 +62,13 @@ def without_faults(recordings: Sequence[Recording]) -> list[Recording]:
     """With clipped, frozen and repeated samples taken as not recorded (NaN), and channels of one value left away; an
     input that was held is bridged.
 
-    A channel that is held in one run is held in all: slow motion does not show it. A column that somebody looked at is
-    believed. What is left out is said in `left_out`.
+    A channel that is held in one training run is held in all: slow motion does not show it. A column that somebody
+    looked at is believed. What is left out is said in `left_out`.
     """
     recordings = _with_bridges(recordings)
     found = [list(faults(r)) for r in recordings]
-    slow = {fault.channel: fault.words for of_run in found for fault in of_run if fault.kind == "held"}
+    fitted = [of_run for r, of_run in zip(recordings, found, strict=True) if r.role == "train"]
+    slow = {fault.channel: fault.words for of_run in fitted for fault in of_run if fault.kind == "held"}
     left = []
     for r, of_run in zip(recordings, found, strict=True):
         told = {fault.channel for fault in of_run}
@@ -78,8 +79,13 @@ def without_faults(recordings: Sequence[Recording]) -> list[Recording]:
 
 def _with_bridges(recordings: Sequence[Recording]) -> list[Recording]:
     """Recordings whose held inputs go on in straight lines instead."""
-    seen = {n: words for r in recordings if not r.scatter for n, x in r.inputs.items() if (words := not_renewed(x))}
-    return [_bridged(r, {n: w for n, w in seen.items() if n in r.inputs and n not in r.believed}) for r in recordings]
+    own = [{} if r.scatter else {n: w for n, x in r.inputs.items() if (w := not_renewed(x))} for r in recordings]
+    fitted = {n: w for r, held in zip(recordings, own, strict=True) if r.role == "train" for n, w in held.items()}
+    seen = [fitted | held for held in own]
+    return [
+        _bridged(r, {n: w for n, w in held.items() if n in r.inputs and n not in r.believed})
+        for r, held in zip(recordings, seen, strict=True)
+    ]
 
 
 def _bridged(r: Recording, held: Mapping[str, str]) -> Recording:

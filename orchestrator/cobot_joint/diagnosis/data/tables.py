@@ -32,35 +32,37 @@ def read_table(
     """
     runs = [read_recording(file, connectors, columns, reading) for file in files]
     first = runs[0]
-    rows = {
-        name: np.concatenate([_rows(r, name, reading.table) for r in runs]) for name in first.inputs | first.outputs
-    }
-    if not first.inputs:
+    inputs, outputs = ({n: None for r in runs for n in getattr(r, part)} for part in ("inputs", "outputs"))
+    rows = {name: np.concatenate([_rows(r, name, reading.table) for r in runs]) for name in inputs | outputs}
+    if not inputs:
         raise UserError(f"{files[0]}: a table needs an input that its rows differ by, {among(connectors)} are there")
-    known = np.all([np.isfinite(x) for x in rows.values()], axis=0)
+    if short := next(((r, n) for r in runs for n in inputs if n not in r.inputs), None):
+        raise UserError(f"{short[0].path}: it has no {short[1]!r}, which other rows of the table have")
+    known = np.all([np.isfinite(rows[n]) for n in inputs], axis=0)
+    known &= np.any([np.isfinite(rows[n]) for n in outputs], axis=0)
     rows = {name: x[known] for name, x in rows.items()}
     if (count := int(known.sum())) < ROWS:
         raise UserError(f"{files[0]}: a table of {count} rows is given, {ROWS} at least are needed")
-    order = np.lexsort([rows[name] for name in reversed(list(first.inputs))])
+    order = np.lexsort([rows[name] for name in reversed(list(inputs))])
     rows = {name: x[order] for name, x in rows.items()}
     time = np.arange(count * PER_HOLD + 1) * (hold / PER_HOLD)
     return replace(
         first,
         name=files[0].parent.name if len(files) > 1 else files[0].stem,
         time=np.asarray(time, dtype=np.float64),
-        inputs={name: _held(rows[name], len(time)) for name in first.inputs},
-        outputs={name: _at_the_ends(rows[name], len(time)) for name in first.outputs},
-        scatter={
-            name: _noise(runs, reading.table, [rows[n] for n in first.inputs], rows[name], name)
-            for name in first.outputs
-        },
+        inputs={name: _held(rows[name], len(time)) for name in inputs},
+        outputs={name: _at_the_ends(rows[name], len(time)) for name in outputs},
+        scatter={name: _noise(runs, reading.table, [rows[n] for n in inputs], rows[name], name) for name in outputs},
+        units={name: unit for r in runs for name, unit in r.units.items()},
         notes=list(dict.fromkeys(note for r in runs for note in r.notes)),
         path=files[0],
     )
 
 
 def _rows(r: Recording, name: str, kind: str | None) -> Vector:
-    x = (r.inputs | r.outputs)[name]
+    x = (r.inputs | r.outputs).get(name, np.full(len(r.time), np.nan))  # a file without that output
+    if not np.isfinite(x).any():
+        return x if kind == "rows" else np.array([np.nan])
     return x if kind == "rows" else np.array([np.nanmean(x)])
 
 
@@ -79,8 +81,9 @@ def _at_the_ends(rows: Vector, samples: int) -> Vector:
 
 def _noise(runs: Sequence[Recording], kind: str | None, inputs: Sequence[Vector], y: Vector, name: str) -> float:
     """1 sigma of a row."""
-    among_rows = scatter(inputs, y)
-    errors = [error_of_mean(r.outputs[name]) for r in runs] if kind == "mean" else []
+    there = np.isfinite(y)
+    among_rows = scatter([x[there] for x in inputs], y[there])
+    errors = [error_of_mean(r.outputs[name]) for r in runs if name in r.outputs] if kind == "mean" else []
     known = [e for e in errors if np.isfinite(e) and e > 0]
     return min(float(np.sqrt(np.mean(np.square(known)))), among_rows) if known else among_rows
 

@@ -16,7 +16,7 @@ from cobot_joint.diagnosis.estimation.least_squares import Precision, fit
 from cobot_joint.diagnosis.estimation.multiscale import out_of_local_minimum
 from cobot_joint.diagnosis.estimation.noise import Noise
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
-from cobot_joint.diagnosis.plant.plant import Plant
+from cobot_joint.diagnosis.plant.plant import Plant, SimulationError
 from cobot_joint.diagnosis.store import Store
 
 SETTLED = 0.02  # of what is above noise, that a re-fit may leave to its next step
@@ -30,10 +30,7 @@ def calibrate(campaign: Campaign, plant: Plant, say: Progress, store: Store) -> 
     bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
     watched(problem, say)("re-fitting the base model inside its tolerances")
     base = Hypothesis(tolerances(problem, bounds))
-    calibrated = store.remember("calibrated", told(campaign), lambda: refit(problem, base))
-    if calibrated is None:
-        problem.outputs(base.run(base.start()))  # raises: which unit, which call, and why
-        raise RuntimeError("the system cannot be simulated with its nominal parameters on these recordings")
+    calibrated = store.remember("calibrated", told(campaign), lambda: _calibrated(problem, base))
     off = left_of_each(problem, calibrated)
     if drifting := drifts(problem, off, campaign.told):
         weighed, start = Problem(plant, campaign.train, problem.noise | drifting), calibrated.x
@@ -87,6 +84,22 @@ def watched(problem: Problem, say: Progress) -> Progress:
     return tell
 
 
+def _calibrated(problem: Problem, base: Hypothesis) -> Fit:
+    """See refit. SimulationError: it cannot be simulated, nominal or beside it; which unit, which call, and why."""
+    found = refit(problem, base)
+    if found is not None:
+        return found
+    problem.outputs(base.run(base.start()))
+    for k, coordinate in enumerate(base.coordinates):
+        beside = base.start()
+        beside[k] += problem.step
+        try:
+            problem.outputs(base.run(beside))
+        except SimulationError as error:
+            raise SimulationError(f"beside the nominal value of {coordinate.names[0]}: {error}") from error
+    raise SimulationError("the system cannot be simulated beside its nominal parameters on these recordings")
+
+
 def refit(problem: Problem, base: Hypothesis, start: Vector | None = None) -> Fit | None:
     """The base model at its best point. None: its nominal one cannot be simulated. start: where to begin, if not
     there."""
@@ -113,7 +126,7 @@ def noises(campaign: Campaign) -> dict[str, Noise]:
         logged = campaign.logged.get(name)
         floor = float(np.hypot(logged.noise, (logged.step or 0.0) / np.sqrt(12))) if logged and logged.noise else 0.0
         colour = logged.colour if logged and logged.colour is not None else max(quality.colour, 0.0)
-        sigma = quality.noise if np.isfinite(quality.noise) and quality.noise > 0 else floor or 1.0
+        sigma = quality.sigma(floor)
         believed = bool(floor) and (name in campaign.told or sigma < 0.9 * floor)
         found[name] = Noise(floor if believed else sigma, colour, quality.step)
     return found

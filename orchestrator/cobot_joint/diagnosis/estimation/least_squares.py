@@ -57,20 +57,31 @@ def bounded_step(gram: Vector, gradient: Vector, lower: Vector, upper: Vector) -
 def difference(
     problem: Problem, hypothesis: Hypothesis, x: Vector, base: Simulated, only: Sequence[int] | None = None
 ) -> Vector | None:
-    """d(simulated)/dx by one-sided differences, inside bounds: (rows, len(x) or len(only)); None: a run failed."""
-    runs, steps, where = _stepped(problem, hypothesis, x, range(len(x)) if only is None else only)
-    return _quotients(problem.simulate(runs, base, where), base, steps)
+    """d(simulated)/dx by one-sided differences, inside bounds: (rows, len(x) or len(only)); None: a run failed, and so
+    did that of the opposite step."""
+    wanted = range(len(x)) if only is None else only
+    runs, steps, where = _stepped(problem, hypothesis, x, wanted)
+    found = problem.simulate(runs, base, where)
+    failed = [k for k, run in enumerate(found) if run is None]
+    if failed:
+        back, opposite, where = _stepped(problem, hypothesis, x, [wanted[k] for k in failed], way=-1.0)
+        for k, run, step in zip(failed, problem.simulate(back, base, where), opposite, strict=True):
+            found[k], steps[k] = run, step
+    return _quotients(found, base, steps)
 
 
 def _stepped(
-    problem: Problem, hypothesis: Hypothesis, x: Vector, only: Sequence[int]
+    problem: Problem, hypothesis: Hypothesis, x: Vector, only: Sequence[int], way: float = 1.0
 ) -> tuple[list[Run], list[float], list[int | None]]:
-    """Per coordinate: the run a step further, the step, and the one recording in which it acts, None: in all."""
+    """Per coordinate: the run a step further, the step, and the one recording in which it acts, None: in all.
+
+    way: -1 steps the other way.
+    """
     runs, steps, where = [], [], []
     names = [recording.name for recording in problem.recordings]
     for k in only:
         c = hypothesis.coordinates[k]
-        step = _step(problem, c, float(x[k]))
+        step = way * _step(problem, c, float(x[k]))
         steps.append(step if x[k] + step <= c.upper else -step)
         point = x.copy()
         point[k] += steps[-1]
@@ -82,7 +93,9 @@ def _stepped(
 def _quotients(found: Sequence[Simulated | None], base: Simulated, steps: Sequence[float]) -> Vector | None:
     """(rows, runs); None: a run failed."""
     columns = [(f.white - base.white) / step for f, step in zip(found, steps, strict=True) if f is not None]
-    return np.column_stack(columns) if len(columns) == len(steps) else None
+    if len(columns) < len(steps):
+        return None
+    return np.column_stack(columns) if columns else np.empty((len(base.white), 0))
 
 
 def _step(problem: Problem, coordinate: Coordinate, x: float) -> float:
@@ -103,7 +116,7 @@ def fit(
     precision: Precision = Precision(),
     simulated: Simulated | None = None,
 ) -> Fit | None:
-    """The hypothesis at its best point near the start. None: the start cannot be simulated.
+    """The hypothesis at its best point near the start. None: the start, or a step from it, cannot be simulated.
 
     x, jacobian, simulated: where to start, an approximate Jacobian there (rows, len(x)), and its run where that is
     known. Broyden's update where a step came as predicted, differences where not: first of the effects' own columns,

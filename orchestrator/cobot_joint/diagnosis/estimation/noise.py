@@ -26,10 +26,9 @@ class Noise:
         first = self.sigma**2 - rounding
         rho = float(np.clip(self.colour * self.sigma**2 / first, 0.0, 0.95))
         g0, g1 = first * (1 - rho**2) + (1 + rho**2) * rounding, -rho * rounding
-        if g1 == 0:
-            return rho, 0.0, float(np.sqrt(g0))
-        theta = (g0 - np.sqrt(g0**2 - 4 * g1**2)) / (2 * g1)  # the invertible root of g1 theta^2 - g0 theta + g1 = 0
-        return rho, float(theta), float(np.sqrt(g1 / theta))
+        # the invertible root of g1 theta^2 - g0 theta + g1 = 0, and g1 / theta, without a difference of like numbers
+        root = g0 + np.sqrt(g0**2 - 4 * g1**2)
+        return rho, float(2 * g1 / root), float(np.sqrt(root / 2))
 
     def sigma_after(self, steps: Vector) -> Vector:
         """1 sigma of what a sample is off from its prediction by the one that came so many steps before: like steps."""

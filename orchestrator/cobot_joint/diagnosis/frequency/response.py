@@ -24,12 +24,15 @@ from cobot_joint.system.model import System, Value
 from cobot_joint.system.read import find_system, load_system
 
 DEGREE = 7  # degree of the polynomial in ln omega from which the data's own scatter is told
+LEAST_ROWS = DEGREE + 3  # that leave it two degrees of freedom
 Vector = NDArray[np.float64]
 
 
 def read_amplitudes(path: Path) -> tuple[Vector, Vector]:
     """Two columns with headers: (frequencies rad/s, amplitudes). UserError: it is not that."""
     omega, amplitude = read_table(path)
+    if len(omega) < LEAST_ROWS:
+        raise UserError(f"{path}: {len(omega)} frequencies are given, {LEAST_ROWS} at least are needed")
     if not (np.all(omega > 0) and np.all(amplitude > 0)):
         raise UserError(f"{path}: frequencies and amplitudes have to be positive")
     return omega, amplitude

@@ -83,7 +83,7 @@ def prefetch() -> None:
 def _toolbox() -> ModuleType:
     try:
         import faultdiagnosistoolbox
-    except (ImportError, AttributeError) as error:  # an older one meets a newer numpy
+    except (ImportError, AttributeError, ValueError) as error:  # an older one meets a newer numpy
         raise NoToolbox(f"{error}; pip install 'cobot-joint[structural]' brings it") from error
     return faultdiagnosistoolbox
 

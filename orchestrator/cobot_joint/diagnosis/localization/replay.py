@@ -272,11 +272,11 @@ def _driven(
     found = []
     for (recording, simulated), besides in zip(runs, residual, strict=True):
         inputs = {name: x for name, x in recording.inputs.items() if name in part.system.inputs}
-        for signal in (name for name in part.system.inputs if name in shown):
+        for signal in (n for n in part.system.inputs if n in shown and shown[n].channel in besides):
             smooth = gaussian_filter1d(np.nan_to_num(besides[shown[signal].channel]), SMOOTHED)
             smooth = _integral(smooth, recording.step) if shown[signal].how == "integral" else smooth
             inputs[signal] = simulated[signal] + smooth
-        outputs = {c: simulated[c] + besides[c] for c in part.channels}
+        outputs = {c: simulated[c] + besides[c] for c in part.channels if c in besides}
         start = {variable_of(part.whole, name): value for name, value in recording.initial.items()}
         initial = {name: value for name, value in start.items() if unit_of(name) in part.units}
         found.append(replace(recording, inputs=inputs, outputs=outputs, initial=initial))

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.results.diagnosed import VARIANTS
 
-VARIANTS = ("nominal", "calibrated", "repaired")
 Simulator = Callable[[Recording], Mapping[str, NDArray[np.float64]]]  # outputs of the system at the recording's time
 
 

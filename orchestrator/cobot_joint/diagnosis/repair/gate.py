@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 from cobot_joint.diagnosis import thresholds
+from cobot_joint.results.diagnosed import VARIANTS
 
 Channels = Mapping[str, Mapping[str, Any]]  # as diagnosis.json has them
-VARIANTS = ("nominal", "calibrated", "repaired")
 
 
 def above_noise(channels: Channels, role: str, free: bool = False) -> dict[str, float] | None:

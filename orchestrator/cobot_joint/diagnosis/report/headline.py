@@ -149,7 +149,7 @@ def how_large(f: Json, terms: Mapping[str, TermText]) -> list[str]:
 
 def _interval(p: Json) -> str:
     """Of a parameter in words; one that is many times as wide as the value says that nothing is known of it."""
-    if not p.get("ci95"):
+    if not p.get("ci95") or None in p["ci95"]:
         return ""
     low, high = p["ci95"]
     if high - low > UNKNOWN * abs(p["value"]) > 0:

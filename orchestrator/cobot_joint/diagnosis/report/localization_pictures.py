@@ -36,10 +36,15 @@ def located_pictures(
     return pictures
 
 
+def _above(c: Mapping[str, Any]) -> float | None:
+    """Of a part's channel, chi-square per sample above noise; None: the part diverges."""
+    return None if None in (c["refitted"], c["healthy"]) else c["refitted"] - c["healthy"]
+
+
 def parts_picture(parts: Sequence[Mapping[str, Any]]) -> Picture:
     """How far each part's channels are off when it is driven by recordings."""
     rows = [
-        (f"{', '.join(p['units'])}<br>{_drive(p)}: <b>{name}</b>", c["refitted"] - c["healthy"], c["off"])
+        (f"{', '.join(p['units'])}<br>{_drive(p)}: <b>{name}</b>", _above(c), c["off"])
         for p in reversed(parts)
         for name, c in reversed(p["channels"].items())
     ]
@@ -102,7 +107,7 @@ def conditions_picture(regimes: Mapping[str, Sequence[Mapping[str, Any]]]) -> Pi
 
 def time_picture(c: Comparison, changes: Sequence[Mapping[str, Any]], noise: Mapping[str, float]) -> Picture:
     """Chi-square per sample over time, and where it changes."""
-    channels = list(c.recording.outputs)
+    channels = [name for name in c.recording.outputs if noise.get(name)]
     figure = make_subplots(rows=len(channels), shared_xaxes=True, vertical_spacing=0.06)
     windows = len(c.recording.time) // WINDOW
     time = c.recording.time[: windows * WINDOW].reshape(windows, WINDOW).mean(axis=1)

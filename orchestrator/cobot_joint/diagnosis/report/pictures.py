@@ -12,7 +12,7 @@ import plotly.graph_objects as go
 import plotly.offline
 from plotly.subplots import make_subplots
 
-from cobot_joint.diagnosis.repair.compare import VARIANTS
+from cobot_joint.results.diagnosed import VARIANTS
 from cobot_joint.results.figures import COLOUR, COLOURS, Panel
 
 HEIGHT = 330  # px

@@ -139,7 +139,7 @@ def _off(m: Json) -> tuple[bool, bool]:
 
 def _excludes(estimate: Json, value: float) -> bool:
     low, high = estimate["ci95"]
-    return bool(not low <= value <= high)
+    return None not in (low, high) and bool(not low <= value <= high)
 
 
 def next_experiment(advice: Sequence[Json]) -> str | None:

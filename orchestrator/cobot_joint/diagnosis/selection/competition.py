@@ -154,7 +154,7 @@ class Competition:
     def _best_onset(self, without: Vector, with_it: Vector) -> tuple[float, float]:
         """(chi-square, onset) of the best of the borders between segments. Both: residuals."""
         time = self.problem.times()
-        onsets = float(time.max()) / SEGMENTS * np.arange(1, SEGMENTS - 1)
+        onsets = float(time.max()) / SEGMENTS * np.arange(1.0, SEGMENTS - 1)
         taken = _taken_from(onsets, time, without**2 - with_it**2)
         best = int(np.argmax(taken))
         return float(without @ without - taken[best]), float(onsets[best])

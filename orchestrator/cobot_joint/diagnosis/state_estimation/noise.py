@@ -47,7 +47,7 @@ def noise_of(campaign: Campaign) -> dict[str, ChannelNoise]:
     for name, quality in condition(campaign.recordings).items():
         logged = campaign.logged.get(name)
         step = logged.step if logged and logged.step is not None else quality.step
-        sigma, colour = quality.noise, min(quality.colour, MOST)
+        sigma, colour = quality.sigma(), min(quality.colour, MOST) if quality.noise > 0 else 0.0
         if logged and logged.noise is not None:
             sigma = float(np.hypot(logged.noise, step / np.sqrt(12)))
             colour = colour if quality.noise < MORE * sigma else 0.0

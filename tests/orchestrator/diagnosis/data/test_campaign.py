@@ -164,6 +164,7 @@ def column(entry: str) -> str:
         ('{ to = "axis.s", scale = 1e-3, sign = -1 }', -5e-3),
         ('{ to = "axis.s", scale = 1e-3, sign = -1, offset = 1.0 }', 0.995),
         ('{ to = "axis.s", scale = 1e-3, offset = "10 mm" }', 15e-3),
+        ('{ to = "axis.s", scale = 1e-3, offset = "-2 mm" }', 3e-3),
     ],
 )
 def test_a_column_has_a_scale_a_sign_and_an_offset_of_its_own(
@@ -250,3 +251,45 @@ def test_a_column_may_give_an_input_of_a_component(tmp_path: Path, axis: Path) -
 def test_a_column_for_an_input_that_is_wired_is_refused(tmp_path: Path, axis: Path) -> None:
     with pytest.raises(UserError, match=r"axis\.u is given a column, but u is wired to it"):
         load_campaign(write(tmp_path, AXIS.replace('"vir [V]" = "u"', '"vir [V]" = "axis.u"')))
+
+
+def test_recordings_of_one_name_in_two_folders_are_told_apart(tmp_path: Path, axis: Path) -> None:
+    path = write(tmp_path, AXIS.replace('"run.csv"', '["run.csv", "day1/run.csv", "day2/run.csv"]'))
+    for day in ("day1", "day2"):
+        (tmp_path / day).mkdir()
+        shutil.copy(tmp_path / "run.csv", tmp_path / day)
+    assert [r.name for r in load_campaign(path).recordings] == ["run.csv", "day1/run.csv", "day2/run.csv"]
+
+
+def test_windows_whose_times_print_alike_are_told_apart(tmp_path: Path, axis: Path) -> None:
+    again = 'begin = BEGIN\nend = END\ninitial = { "axis.s" = "first sample" }\n'
+    first = AXIS.replace('initial = { "axis.s" = "first sample" }\n', again)
+    both = first + '[[recording]]\nfile = "run.csv"\n' + again
+    path = write(tmp_path, both.replace("BEGIN", "1700000000.00", 1).replace("END", "1700000000.04", 1))
+    path.write_text(path.read_text().replace("BEGIN", "1700000000.05").replace("END", "1700000000.09"))
+    rows = "\n".join(f"{1.7e9 + a:.3f},{3 * a},{1000 * a + 5}" for a in np.arange(100) * 1e-3)
+    (tmp_path / "run.csv").write_text(f"t,vir,qm\n{rows}\n")
+    one, other = (r.name for r in load_campaign(path).recordings)
+    assert one != other
+
+
+def test_a_campaign_all_of_whose_recordings_are_held_out_is_refused(tmp_path: Path, axis: Path) -> None:
+    path = write(tmp_path, AXIS + 'role = "holdout"\n')
+    with pytest.raises(UserError, match=r"every .* has role holdout, one at least with role train is needed"):
+        load_campaign(path)
+    assert load_campaign(path, roles=("holdout",)).recordings
+    with pytest.raises(UserError, match=r"recording\.0\.file"):
+        load_campaign(write(tmp_path, AXIS.replace('"run.csv"', "[]")))
+
+
+def test_a_campaign_file_may_begin_with_a_byte_order_mark(tmp_path: Path, axis: Path) -> None:
+    path = write(tmp_path, AXIS)
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert load_campaign(path).recordings
+
+
+def test_a_column_that_is_left_away_may_be_empty(tmp_path: Path, axis: Path) -> None:
+    path = write(tmp_path, AXIS.replace('file = "run.csv"', 'file = "run.csv"\nwithout = ["vir"]'))
+    (tmp_path / "run.csv").write_text("t,vir,qm\n" + "\n".join(f"{k * 1e-3},,{k + 5}" for k in range(100)))
+    (r,) = load_campaign(path).recordings
+    assert r.inputs == {}

@@ -10,6 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
+from cobot_joint.diagnosis.checks.suspicions import suspicions
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.data.suspicion import without_faults
@@ -156,3 +157,22 @@ def test_a_campaign_is_loaded_without_them(root: Path, tmp_path: Path) -> None:
         ("train", "w_motor", "clipped"),
         ("holdout", "w_motor", "clipped"),
     }
+
+
+def test_what_is_held_in_a_held_out_run_alone_changes_no_training_run() -> None:
+    train, kept = run(speed(), "train"), replace(run(speed()[HOLD], "kept"), role="holdout")
+    first, second = without_faults([train, kept])
+    assert first == train
+    assert second.left_out
+    np.testing.assert_array_equal(second.outputs["w"], without_faults([kept])[0].outputs["w"])
+    held_input = np.sin(8 * T)[HOLD]
+    runs = [replace(r, inputs={"v": u}) for r, u in ((train, np.sin(8 * T)), (kept, held_input))]
+    np.testing.assert_array_equal(without_faults(runs)[0].inputs["v"], np.sin(8 * T))
+
+
+def test_a_log_shorter_than_what_smooths_its_slope_has_no_inertia_to_compare() -> None:
+    time = np.arange(1000) * 1e-5
+    rng = np.random.default_rng(0)
+    series = {"w": np.sin(600 * time) + rng.normal(0, 0.01, 1000), "i": np.cos(600 * time) + rng.normal(0, 0.01, 1000)}
+    runs = [Recording(n, "train", "default", time, {}, series, {"w": "rad/s", "i": "A"}) for n in ("a", "b")]
+    assert [s for s in suspicions(runs) if s.kind == "inertia differs"] == []

@@ -103,3 +103,19 @@ def test_how_well_a_row_is_known_the_means_of_parts_of_its_file_say() -> None:
     errors = [error_of_mean(3.0 + rng.normal(0, 0.5, 2000)) for _ in range(40)]
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(0.5 / np.sqrt(2000), rel=0.15)
     assert np.isnan(error_of_mean(np.arange(12.0)))
+
+
+def test_an_output_that_one_file_lacks_is_not_compared_in_its_row_whichever_file_comes_first(tmp_path: Path) -> None:
+    system = chain(["friction"]).system
+    write_readable(system, [], tmp_path / "system.ssd")
+    for k, n in enumerate(SPEEDS):
+        rows = [f"{a},{n},{law(np.array([n]))[0]},{n}" for a in np.arange(20) * 0.05]
+        columns = "t,n,M" if k in (0, 3) else "t,n,M,M2"
+        (tmp_path / f"{k:02d}.csv").write_text(
+            columns + "\n" + "\n".join(r.rsplit(",", columns == "t,n,M")[0] for r in rows)
+        )
+    text = CAMPAIGN.replace("FILE", '"*.csv"').replace("KIND", '"mean"\nwithout = ["M2"]')
+    (tmp_path / "campaign.toml").write_text(text.replace("[tolerances]", '"M2 [N.m]" = "friction.tau_f"\n[tolerances]'))
+    (r,) = load_campaign(tmp_path / "campaign.toml").recordings
+    assert np.isfinite(r.outputs["tau"]).sum() == len(SPEEDS)
+    assert np.isfinite(r.outputs["friction.tau_f"]).sum() == len(SPEEDS) - 2

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from cobot_joint.diagnosis.estimation.calibrate import calibrate
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, difference, fit, fit_added, fit_on
 from cobot_joint.diagnosis.estimation.noise import Noise
 from cobot_joint.diagnosis.estimation.problem import Problem
+from cobot_joint.diagnosis.plant.plant import SimulationError
+from cobot_joint.diagnosis.store import Store
 from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, TERMS, Axis, campaign
 
 COGGING = ActiveTerm(TERMS[2], {"axis.cogging.A": 0.01, "axis.cogging.phi_0": 0.4, "axis.cogging.n": 3.0})
@@ -47,3 +51,45 @@ def test_an_added_effect_costs_its_own_run_and_one_per_coordinate() -> None:
     own = range(len(found.x), len(added.x))
     columns = difference(problem, added.hypothesis, added.x, base, own)
     np.testing.assert_allclose(added.jacobian[:, own.start :], columns, rtol=0, atol=1e-6)
+
+
+def test_with_nothing_to_fit_the_nominal_model_is_the_fit() -> None:
+    case = campaign({"axis.d": 2e-3})
+    problem = Problem(Axis(), case.train, {"w": Noise(NOISE)})
+    found = fit(problem, Hypothesis(()))
+    assert found is not None
+    assert found.jacobian.shape == (problem.rows, 0)
+    assert found.run.values == {}
+
+
+class Brittle(Axis):
+    """Runs with its nominal inertia or less."""
+
+    fails = 1.0  # times the nominal inertia, above which it cannot be simulated
+
+    def simulate(self, values, recording, **how):  # type: ignore[no-untyped-def, override]
+        if values.get("axis.J", 0.0) > self.fails * NOMINAL["axis.J"]:
+            raise SimulationError("the inertia is too much")
+        return super().simulate(values, recording, **how)
+
+
+def test_where_one_step_cannot_be_simulated_the_opposite_one_is_taken() -> None:
+    case = campaign({"axis.d": 2e-3})
+    whole, brittle = (Problem(plant, case.train, {"w": Noise(NOISE)}) for plant in (Axis(), Brittle()))
+    bounds = {name: t.bounds(NOMINAL[name]) for name, t in case.tolerances.items()}
+    base = Hypothesis(tolerances(whole, bounds))
+    (at,) = whole.simulate([base.run(base.start())])
+    assert at is not None
+    there, other = (difference(problem, base, base.start(), at) for problem in (whole, brittle))
+    np.testing.assert_allclose(other, there, rtol=0, atol=0.05 * np.abs(there).max())
+
+
+def test_what_can_be_simulated_at_its_nominal_value_alone_is_told_by_its_parameter() -> None:
+    class Narrow(Brittle):
+        def simulate(self, values, recording, **how):  # type: ignore[no-untyped-def, override]
+            if values.get("axis.J", NOMINAL["axis.J"]) < NOMINAL["axis.J"] * (1 - 1e-9):
+                raise SimulationError("the inertia is too little")
+            return super().simulate(values, recording, **how)
+
+    with pytest.raises(SimulationError, match=r"beside the nominal value of axis\.J: the inertia is too much"):
+        calibrate(campaign({}), Narrow(), lambda words: None, Store(None))

@@ -95,3 +95,13 @@ def test_a_run_that_touches_nothing_of_a_recording_is_not_simulated_there() -> N
     assert base is not None
     assert found is not None
     assert found.outputs[1] is base.outputs[1]
+
+
+@pytest.mark.parametrize("step", [0.0, 1e-6, 1e-4, 1e-2, 0.5])
+def test_the_filter_of_coloured_noise_in_fine_steps_is_that_of_the_noise_alone_and_then_some(step: float) -> None:
+    sigma, colour = 0.576, 0.5
+    rho, theta, e = Noise(sigma, colour, step).filter
+    # (1 - rho B) y = (1 + theta B) e has the variance and the first covariance that it was made for (Ljung 1999, ch. 4)
+    variance = e**2 * (1 + theta**2 + 2 * rho * theta) / (1 - rho**2)
+    assert variance == pytest.approx(sigma**2, rel=1e-9)
+    assert rho * variance + theta * e**2 == pytest.approx(colour * sigma**2, rel=1e-9)

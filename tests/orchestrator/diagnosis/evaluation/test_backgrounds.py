@@ -201,8 +201,8 @@ def test_what_is_much_larger_than_a_background_is_named(seed: int, number: int) 
     other. The ripple throws the filter out in the run without load. Then friction that differs by direction made up
     for a brake's idle torque and a drag; a brake's torque was named and a motor's drag beside it missed; and a belt
     that creeps from 4.141 s on was a brake that fades from 4.089 s on. A sensor's low-pass from 3.4418 s on was put at
-    3.55 s: where it sets in its reading jumps, and a sample earlier or later is no better. A brake that lets go a hundred times more slowly had been
-    looked at up to half of its bound, twice more slowly."""
+    3.55 s: where it sets in its reading jumps, and a sample earlier or later is no better. A brake that lets go a
+    hundred times more slowly had been looked at up to half of its bound, twice more slowly."""
     row = counted(Draws(PATTERN.parents[1] / "case04" / "campaign.toml", 8.0, seed), number)
     assert row["effects"]
     assert all(e["named"] for e in row["effects"])

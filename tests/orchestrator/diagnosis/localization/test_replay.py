@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from cobot_joint.diagnosis.data.conditioning import assess
+from cobot_joint.diagnosis.estimation.calibrate import refit
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
+from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.localization.localize import Localization, locate_difference
 from cobot_joint.diagnosis.plant.influence import behind, influences
 from cobot_joint.diagnosis.repair.compare import VARIANTS, Comparison
@@ -100,3 +105,13 @@ def test_the_report_shows_part_by_part_what_is_off_and_when() -> None:
     text = render(ReportData("friction", content, compared, {n: assess(runs[0][n]) for n in NOISE}, UNITS))
     for part in ("Part by part", "By operating condition", "When: loaded", "When: no_load", "cannot be replayed alone"):
         assert part in text
+
+
+def test_a_run_that_lacks_a_channel_is_replayed_with_the_others() -> None:
+    with calibrated({}) as (problem, _):
+        runs = problem.recordings
+        without = replace(runs[0], name="other", outputs={n: x for n, x in runs[0].outputs.items() if n != "i_motor"})
+        weaker = Problem(problem.plant, [*runs, without], problem.noise)
+        fit = refit(weaker, Hypothesis(()))
+        assert fit is not None
+        assert locate_difference(weaker, fit).replayed

@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.state_estimation import prediction
+from cobot_joint.diagnosis.state_estimation.noise import noise_of
 from cobot_joint.diagnosis.state_estimation.prediction import Predicted, Variant, pieces, predict, predicted_figures
 from cobot_joint.system.read import load_system
 from tests.orchestrator.diagnosis.state_estimation.rig import COGGING, NOISE, SIGMA, recorded, run
@@ -107,3 +109,10 @@ def test_a_unit_whose_states_cannot_be_set_has_no_prediction(axis: Path) -> None
     recording = Recording("run", "holdout", "default", time, {"u": time}, {"axis.s": time}, {})
     figures = predicted_figures([recording], {"nominal": Variant({"default": load_system(axis)})}, {})
     assert figures == {"axis.s": None}
+
+
+def test_a_channel_without_noise_of_its_own_has_one_to_count_by() -> None:
+    time = np.arange(500) * 1e-3
+    run = Recording("run", "train", "default", time, {}, {"w": np.zeros(500)}, {"w": "rad/s"})
+    noise = noise_of(Campaign("", Path(), "axis", {}, {}, {}, {}, [run]))["w"]
+    assert (noise.sigma, noise.rho) == (1.0, 0.0)

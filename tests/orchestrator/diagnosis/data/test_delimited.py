@@ -1,0 +1,64 @@
+"""Text as loggers write it is read as it is meant, however its cells, signs, marks and stamps are written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cobot_joint.diagnosis.data.delimited import Layout
+from cobot_joint.diagnosis.data.formats import read_log
+from cobot_joint.errors import UserError
+
+
+@pytest.mark.parametrize("skip", [None, 0], ids=["guessed", "skip = 0"])
+@pytest.mark.parametrize("late", [3, 390], ids=["starts", "is empty"])
+def test_a_last_column_that_is_empty_at_first_is_a_column(tmp_path: Path, late: int, skip: int | None) -> None:
+    rows = "\n".join(f"{k}e-3;{k};{k if k > late else ''}" for k in range(400))
+    (tmp_path / "a.csv").write_text("t;w;late\n" + rows)
+    found = {c.name: c for c in read_log(tmp_path / "a.csv", layout=Layout(skip=skip)).channels}
+    assert list(found) == ["w", "late"]
+    assert len(found["w"].values) == 400
+    assert np.isfinite(found["late"].values).sum() == 399 - late
+
+
+def test_a_separator_that_ends_every_row_is_no_column(tmp_path: Path) -> None:
+    for header in ("t;w", "t;w;"):
+        (tmp_path / "a.csv").write_text(header + "\n" + "\n".join(f"{k}e-3;{k};" for k in range(50)))
+        (channel,) = read_log(tmp_path / "a.csv").channels
+        assert (channel.name, len(channel.values)) == ("w", 50)
+
+
+def test_a_byte_order_mark_is_none_of_the_first_name_whatever_encoding_is_said(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_bytes(("t;w\n0;1\n1e-3;2\n2e-3;3\n").encode("utf-8-sig"))
+    assert read_log(tmp_path / "a.csv", layout=Layout(encoding="utf-8")).clock == "t"
+
+
+def test_a_decimal_comma_far_below_is_seen(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("t;w\n" + "\n".join(f"{k};0" for k in range(450)) + "\n450;0,5\n451;0,5\n")
+    (channel,) = read_log(tmp_path / "a.csv").channels
+    assert channel.values[-1] == 0.5
+
+
+def test_decimal_commas_in_quotes_between_commas_are_read(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("t,w\n" + "\n".join(f'"0,{k:03d}","{k},5"' for k in range(50)))
+    (channel,) = read_log(tmp_path / "a.csv").channels
+    assert np.allclose(channel.values, np.arange(50) + 0.5)
+    assert np.allclose(channel.time, 1e-3 * np.arange(50))
+
+
+def test_time_stamps_may_have_a_decimal_comma_and_a_clock_that_is_none_is_told(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("t;w\n" + "\n".join(f"2024-01-01 12:00:00,{k:03d};{k}" for k in range(50)))
+    (channel,) = read_log(tmp_path / "a.csv").channels
+    assert np.allclose(channel.time - channel.time[0], 1e-3 * np.arange(50))
+    (tmp_path / "a.csv").write_text("t;w\n" + "\n".join(f"12:00:{k};wait" for k in range(10, 60)))
+    with pytest.raises(UserError, match=r"'12:00:34;wait' is no time: seconds or 2024-01-31 12:00:00\.5 are read"):
+        read_log(tmp_path / "a.csv")
+
+
+def test_numbers_of_whole_nanoseconds_since_1970_are_read(tmp_path: Path) -> None:
+    rows = "\n".join(f"{1_700_000_000_000_000_000 + k * 1_000_000},{k}" for k in range(50))
+    (tmp_path / "a.csv").write_text("t [ns],w\n" + rows)
+    (channel,) = read_log(tmp_path / "a.csv").channels
+    assert np.allclose(np.diff(channel.time), 1e-3, rtol=1e-9)

@@ -187,6 +187,8 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
         return _found_beside_it(problem, found, outside)
     if outside is None or (found.unmodelled and _stands_before(problem, found.unmodelled, outside)):
         return found
+    if (formula := found.gave_way) and _alone_explains(problem, formula, outside):
+        return Explanation(found.calibrated, formula.fit, found.selection, formula.selected, formula)
     return _or_misread(problem, _with_formula(problem, found.calibrated, outside, say), misread)
 
 
@@ -274,6 +276,16 @@ def _stands_before(problem: Problem, formula: Unmodelled, outside: Outside) -> b
         return True
     left, rest = remains(problem, outside.fit, formula.fit)
     return formula.is_likely and left > formula.freedom * rest and outside.confidence(problem) < thresholds.EVEN
+
+
+def _alone_explains(problem: Problem, formula: Unmodelled, outside: Outside) -> bool:
+    """Whether a formula that gave way to listed terms leaves less, per feature, than the parameter and the terms that
+    took their place, and nothing that stands out where these do: a brake's drag was its idle torque, 65 %, and a load
+    (machine 199/40)."""
+    if not problem.stands_out(outside.fit.residual) or problem.stands_out(formula.fit.residual):
+        return False
+    left, rest = remains(problem, outside.fit, formula.fit)
+    return left * (1 + len(outside.selection.selected)) > formula.freedom * rest
 
 
 def _channel_or_parameter(problem: Problem, nothing: Selection, misread: Misread, say: Progress) -> Explanation:

@@ -83,7 +83,8 @@ class BeyondTheList:
             return self._of(pair.formula, pair.outside) if pair else self._of(formula)
         if found and (any(n.shows for n in found.named) or not self._stands):
             return self._beside_the_claimed(found) or self._of_listed([], anchored=found)
-        return self._of_what_is_worth_a_name(rival)
+        named = self._of_what_is_worth_a_name(rival)
+        return replace(named, gave_way=formula if formula and formula.is_likely else None)
 
     @property
     def _beside_background(self) -> bool:

@@ -31,6 +31,7 @@ class Explanation:
     misread: Misread | None = None  # a channel whose log explains more than these, or as much as `outside`
     outside: Outside | None = None  # a base parameter beyond its tolerance that leaves no more than listed terms
     rival: Unmodelled | None = None  # a formula that leaves less than listed terms, yet does not prove them wrong
+    gave_way: Unmodelled | None = None  # a likely formula that leaves less than listed terms, and was let go for them
     background: list[dict[str, object]] = field(default_factory=list)  # where the rest lies, if nothing has a name
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cobot_joint.diagnosis.data.suspicion import runs
+from cobot_joint.diagnosis.data.conditioning import runs
 from cobot_joint.diagnosis.estimation.effects import LoadPulse, StepOffset
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.least_squares import Precision, difference, fit_added, fit_on

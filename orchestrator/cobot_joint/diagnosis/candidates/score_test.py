@@ -53,7 +53,7 @@ class Score:
 
     @property
     def effects(self) -> tuple[ActiveTerm]:
-        """See Proposal."""
+        """Where a fit of it would start."""
         return (self.active,)
 
 

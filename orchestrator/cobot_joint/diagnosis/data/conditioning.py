@@ -1,4 +1,4 @@
-"""What a recorded channel is worth, from the data: noise, its colour, the converter's step, saturation, delay."""
+"""What a recorded channel is worth, from the data: noise, its colour, the converter's step, saturation."""
 
 from __future__ import annotations
 
@@ -55,9 +55,9 @@ def condition(recordings: Sequence[Recording]) -> dict[str, ChannelQuality]:
 
 def _of_channel(name: str, recordings: Sequence[Recording]) -> ChannelQuality:
     """Of the runs that have it; where there are only tables, of their rows: the scatter is the noise, and white."""
-    runs = [r for r in recordings if name not in r.scatter]
-    quality = assess(*(r.outputs[name] for r in runs or recordings))
-    if runs:
+    in_time = [r for r in recordings if name not in r.scatter]
+    quality = assess(*(r.outputs[name] for r in in_time or recordings))
+    if in_time:
         return quality
     variance = float(np.mean([r.scatter[name] ** 2 for r in recordings]))
     return replace(quality, noise=float(np.sqrt(variance)), colour=0.0)
@@ -190,66 +190,14 @@ def _saturated(x: NDArray[np.float64], everywhere: NDArray[np.float64]) -> int:
     """Samples of x in runs of RAIL or more at the very top or bottom of what occurs anywhere."""
     count = 0
     for extreme in (everywhere.min(initial=np.inf), everywhere.max(initial=-np.inf)):
-        at = np.concatenate([[0], (x == extreme).astype(int), [0]])
-        starts, stops = np.flatnonzero(np.diff(at) == 1), np.flatnonzero(np.diff(at) == -1)
-        runs = stops - starts
-        count += int(runs[runs >= RAIL].sum())
+        count += sum(stop - start for start, stop in runs(x == extreme) if stop - start >= RAIL)
     return count
 
 
-def delay(
-    reference: NDArray[np.float64], signal: NDArray[np.float64], step: float, longest: float = 0.05
-) -> tuple[float, float]:
-    """Seconds by which `signal` comes after `reference`, and their standard error.
-
-    Both (n,) on the same clock of `step`. The peak of the cross-correlation within +-longest finds the whole samples;
-    least squares for gain, offset and delay, linearised there, finds the rest. (NaN, inf) where the signals have
-    nothing in common to align.
-    """
-    valid = np.isfinite(reference) & np.isfinite(signal)
-    a = np.where(valid, reference - np.mean(reference[valid]), 0.0)
-    b = np.where(valid, signal - np.mean(signal[valid]), 0.0)
-    most = min(round(longest / step), len(a) // 4)
-    lags = range(-most, most + 1)
-    # of the differences: slow parts correlate at any lag
-    da, db = np.diff(a), np.diff(b)
-    score = np.array([np.dot(da[max(0, -k) : len(da) - max(0, k)], db[max(0, k) : len(db) - max(0, -k)]) for k in lags])
-    if not np.any(score):
-        return float("nan"), float("inf")
-    tau = lags[int(np.argmax(np.abs(score)))] * step
-    t, error = np.arange(len(a)) * step, float("inf")
-    inner = valid & (t >= 2 * longest) & (t <= t[-1] - 2 * longest)
-    for _ in range(20):
-        moved = np.interp(t - tau, t, a)
-        slope = np.gradient(moved, step)
-        design = np.column_stack([moved, np.ones_like(moved), -slope])[inner]
-        solution, *_ = np.linalg.lstsq(design, b[inner], rcond=None)
-        gain = solution[0]
-        if gain == 0 or not np.isfinite(solution).all():
-            return float("nan"), float("inf")
-        rest = b[inner] - design @ solution
-        change = float(np.clip(solution[2] / gain, -step, step))
-        tau += change
-        # first-order colour of what is left: fewer independent samples than there are
-        colour = float(np.clip(np.dot(rest[1:], rest[:-1]) / np.dot(rest, rest), 0, 0.99)) if np.any(rest) else 0.0
-        covariance = np.linalg.pinv(design.T @ design) * np.mean(rest**2) * (1 + colour) / (1 - colour)
-        error = float(np.sqrt(covariance[2, 2])) / abs(gain)
-        if abs(change) < 1e-3 * step:
-            break
-    return tau, error
-
-
-def delays(recording: Recording, reference: str, longest: float = 0.05) -> dict[str, tuple[float, float]]:
-    """Delay of every compared channel behind one of them, (s, standard error).
-
-    Physics between the two channels is part of it.
-    """
-    series = recording.outputs | recording.inputs
-    return {
-        name: delay(series[reference], values, recording.step, longest)
-        for name, values in recording.outputs.items()
-        if name != reference
-    }
+def runs(at: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and one past the last index of every stretch of True."""
+    edges = np.diff(np.concatenate([[0], at.astype(int), [0]]))
+    return list(zip(np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist(), strict=True))
 
 
 def smoothed(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from cobot_joint.diagnosis.data.conditioning import RAIL, noise_and_colour, quantisation_step
+from cobot_joint.diagnosis.data.conditioning import RAIL, noise_and_colour, quantisation_step, runs
 from cobot_joint.diagnosis.data.quantity import is_position
 from cobot_joint.diagnosis.data.recording import LeftOut, Recording
 
@@ -287,9 +287,3 @@ def _noise_step_pace(x: Vector) -> tuple[float, float, Vector]:
     if len(x) > 2 * REACH:
         pace[REACH:-REACH] = np.nan_to_num(np.abs(x[2 * REACH :] - x[: -2 * REACH])) / (2 * REACH)
     return float(np.nan_to_num(noise_and_colour(x)[0])), quantisation_step(x[np.isfinite(x)]), pace
-
-
-def runs(at: Mask) -> list[tuple[int, int]]:
-    """First and one past the last index of every stretch of True."""
-    edges = np.diff(np.concatenate([[0], at.astype(int), [0]]))
-    return list(zip(np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist(), strict=True))

@@ -250,12 +250,12 @@ class Problem:
         Slow structure stays in it, white noise goes; 1 sigma of an element that is recorded in full is sqrt(2) where
         only noise is left. What is not recorded adds nothing. residual: whitened, (rows,).
         """
-        return [_binned(residual[block.rows]) ** 2 / BLOCK - _binned(block.weight) / BLOCK for block in self.blocks]
+        return [binned(residual[block.rows]) ** 2 / BLOCK - binned(block.weight) / BLOCK for block in self.blocks]
 
     def excess_times(self) -> list[Vector]:
         """Per block of rows: when its means begin, s, (n / BLOCK,)."""
         times = self.times()
-        return [times[b.rows][: len(_binned(b.weight)) * BLOCK : BLOCK] for b in self.blocks]
+        return [times[b.rows][: len(binned(b.weight)) * BLOCK : BLOCK] for b in self.blocks]
 
     def excess(self, residual: Vector) -> float:
         """`excess_by_block`, all of it."""
@@ -264,7 +264,7 @@ class Problem:
     @property
     def excess_scatter(self) -> float:
         """1 sigma of `excess` when only noise is left"""
-        return float(np.sqrt(2 * sum(np.sum((_binned(b.weight) / BLOCK) ** 2) for b in self.blocks)))
+        return float(np.sqrt(2 * sum(np.sum((binned(b.weight) / BLOCK) ** 2) for b in self.blocks)))
 
     def unexplained(self, residual: Vector) -> bool:
         """Whether more is left than noise leaves."""
@@ -349,6 +349,6 @@ def _logged(found: Signals, recording: Recording, run: Run) -> Signals:
     return {**found, **read, **stamped}
 
 
-def _binned(x: Vector) -> Vector:
+def binned(x: Vector) -> Vector:
     """Sums over `BLOCK` samples; a rest that fills no bin is left out: (len(x) // BLOCK,)"""
     return np.asarray(x[: len(x) // BLOCK * BLOCK].reshape(-1, BLOCK).sum(axis=1))

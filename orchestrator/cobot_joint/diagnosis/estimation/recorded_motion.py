@@ -42,10 +42,11 @@ def _ways(recording: Recording, simulated: Signals, channel: str) -> list[tuple[
     """(as simulated, recorded less simulated) of a channel and of its integral. Gaps count as equal."""
     y, step = simulated[channel], recording.step
     off = gaussian_filter1d(np.nan_to_num(recording.outputs[channel] - y), SMOOTHED / step, mode="nearest")
-    return [(y, off), (_integral(y, step), _integral(off, step))]
+    return [(y, off), (integral(y, step), integral(off, step))]
 
 
-def _integral(x: Vector, step: float) -> Vector:
+def integral(x: Vector, step: float) -> Vector:
+    """From the first sample on, by trapezoids: (n,)"""
     return np.asarray(cumulative_trapezoid(x, dx=step, initial=0.0))
 
 

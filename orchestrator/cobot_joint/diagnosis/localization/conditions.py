@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.estimation.order_spectrum import order_spectrum
-from cobot_joint.diagnosis.estimation.problem import BLOCK, Problem, Vector
+from cobot_joint.diagnosis.estimation.problem import BLOCK, Problem, Vector, binned
 
 SIZES = ((0.0, 0.05, "near zero"), (0.05, 0.35, "low"), (0.35, 0.7, "middle"), (0.7, np.inf, "high"))  # of the greatest
 BANDS = (0.0, 1.0, 10.0, 100.0, np.inf)  # Hz
@@ -58,7 +58,7 @@ def conditions(problem: Problem, gain: Vector, signals: Sequence[Mapping[str, Ve
 
     gain: what is above noise, (rows,). signals: by recording, name -> (n,).
     """
-    sums = np.concatenate([_sums(gain[b.rows]) for b in problem.blocks])
+    sums = np.concatenate([binned(gain[b.rows]) for b in problem.blocks])
     total = float(sums.sum()) or 1.0
     found: dict[str, list[Condition]] = {}
     seen: list[NDArray[np.intp]] = []
@@ -193,9 +193,5 @@ def _length(rows: slice) -> int:
     return int(rows.stop - rows.start) // BLOCK
 
 
-def _sums(x: Vector) -> Vector:
-    return x[: len(x) // BLOCK * BLOCK].reshape(-1, BLOCK).sum(axis=1)
-
-
 def _means(x: Vector) -> Vector:
-    return _sums(np.nan_to_num(x)) / BLOCK
+    return binned(np.nan_to_num(x)) / BLOCK

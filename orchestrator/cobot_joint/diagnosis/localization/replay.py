@@ -13,7 +13,6 @@ from itertools import combinations
 from typing import Literal
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import gaussian_filter1d
 
 from cobot_joint.diagnosis import thresholds
@@ -22,6 +21,7 @@ from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit
 from cobot_joint.diagnosis.estimation.problem import BLOCK, Problem, Simulated, Vector
+from cobot_joint.diagnosis.estimation.recorded_motion import integral
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.influence import Influences, behind, influences
 from cobot_joint.diagnosis.plant.plant import Signals
@@ -97,7 +97,7 @@ def shown_signals(problem: Problem, setup: str, system: System, simulated: Seque
             if all(_rms(s[signal] - s[channel]) < thresholds.SHOWS * sigma for _, s in having):
                 found[signal] = Shown(channel, "read" if signal in _path(signal, channel, before) else "equal")
             elif all(
-                _rms(s[signal] - s[signal][0] - _integral(s[channel], r.step))
+                _rms(s[signal] - s[signal][0] - integral(s[channel], r.step))
                 < thresholds.SHOWS * sigma * np.sqrt(r.step * (r.time[-1] - r.time[0]))
                 for r, s in having
             ):
@@ -274,7 +274,7 @@ def _driven(
         inputs = {name: x for name, x in recording.inputs.items() if name in part.system.inputs}
         for signal in (n for n in part.system.inputs if n in shown and shown[n].channel in besides):
             smooth = gaussian_filter1d(np.nan_to_num(besides[shown[signal].channel]), SMOOTHED)
-            smooth = _integral(smooth, recording.step) if shown[signal].how == "integral" else smooth
+            smooth = integral(smooth, recording.step) if shown[signal].how == "integral" else smooth
             inputs[signal] = simulated[signal] + smooth
         outputs = {c: simulated[c] + besides[c] for c in part.channels if c in besides}
         start = {variable_of(part.whole, name): value for name, value in recording.initial.items()}
@@ -294,10 +294,6 @@ def _excess(problem: Problem, simulated: Simulated | None) -> dict[str, float]:
         / float(sum(b.weight.sum() for b, _ in above if b.channel == c))
         for c in channels
     }
-
-
-def _integral(x: Vector, step: float) -> Vector:
-    return np.asarray(cumulative_trapezoid(x, dx=step, initial=0.0))
 
 
 def _hypot(*sides: float) -> float:

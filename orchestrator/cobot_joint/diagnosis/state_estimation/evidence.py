@@ -9,7 +9,7 @@ forces would have taken for their own already gone from it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 
@@ -27,7 +27,6 @@ from cobot_joint.system.model import Value
 Array = NDArray[np.float64]
 TOGETHER = 8  # combinations of shapes in one pass: of 2, 4, 8 and 16 the quickest
 SEEN = 1e-6  # of a column's square: less beside the others is none of its own
-ROUNDS = 4  # of estimating the latent forces' sizes again
 
 
 @dataclass(frozen=True)
@@ -52,24 +51,6 @@ class Effect:
     def __getitem__(self, own: slice) -> Effect:
         """Some of the columns."""
         return Effect([p[:, :, own] for p in self.psi], [d[:, :, own] for d in self.direct])
-
-
-@dataclass(frozen=True)
-class TermScore:
-    """A switched-off term beside the latent forces, base parameters re-fitted inside their tolerances.
-
-    shapes: as scanned, where it does best. amplitude: most likely, sigma: its standard error; with a phase, phase: rad.
-    gain: of twice the log likelihood, the latent forces' sizes as they are without it. evidence: log of the ratio of
-    marginal likelihoods, their sizes estimated again with it; None where that was not asked.
-    """
-
-    term: str
-    shapes: Mapping[str, float]
-    amplitude: float
-    sigma: float
-    phase: float | None
-    gain: float
-    evidence: float | None = None
 
 
 class Evidence:
@@ -101,22 +82,6 @@ class Evidence:
         """Where they are most likely."""
         return np.asarray(self._held @ (self._base.gradient + self._prior * self._centre))
 
-    def score(self, terms: Sequence[TermCandidate], refined: int = 0) -> list[TermScore]:
-        """Best first. refined: how many get their evidence, with the latent forces' sizes estimated again."""
-        found = [(best, term) for term in terms if (best := self._best(term)) is not None]
-        found.sort(key=lambda pair: -pair[0].gain)
-        if refined:
-            base = self._likelihood([])
-            found = [(replace(score, evidence=self._likelihood([(term, score)]) - base), term)
-                     for score, term in found[:refined]] + found[refined:]  # fmt: skip
-            found[:refined] = sorted(found[:refined], key=lambda pair: -(pair[0].evidence or 0.0))
-        return [score for score, _ in found]
-
-    @property
-    def corrections(self) -> dict[str, float]:
-        """`component.parameter` -> by how much it is off, most likely, with the latent forces as they are."""
-        return dict(zip(self.parameters, map(float, self._moved), strict=True))
-
     def gls(self, effect: Effect, groups: Sequence[slice] | None = None) -> list[tuple[Array, Array, float]]:
         """Generalised least squares of groups of columns (each alone; None: all together) beside the base parameters:
         coefficients, their covariance, and the gain in twice the log likelihood, 0 where nothing answers."""
@@ -132,69 +97,6 @@ class Evidence:
             seen = float(np.min(scale)) > 1e-100
             found.append((inverse @ gradient[g], inverse, float(gradient[g] @ inverse @ gradient[g]) if seen else 0.0))
         return found
-
-    def signal(self, port: str, values: Sequence[Array]) -> Effect:
-        """Of known signals at a latent's port: values: per recording ((n - 1) POINTS, columns), in the middle of the
-        parts of each step. Where the port feeds a reading, the first part's value is taken for the sample's."""
-        psi, direct = [], []
-        for n, (t, v) in enumerate(zip(self.trackings, values, strict=True)):
-            column = t.estimator.ports.index(port)
-            Phi, Hold = self._part_of_step(n)
-            B = t.tracked.tangent.Gamma[:, :, column]
-            B = np.asarray(np.linalg.solve(t.tracked.tangent.Hold, B[:, :, None]))  # what it adds to the derivatives
-            parts = v.reshape(len(B), POINTS, -1)
-            found = np.zeros((len(B), t.estimator.x.stop, parts.shape[2]))
-            for k in range(POINTS):
-                found = Phi @ found + (Hold @ B) * parts[:, k][:, None, :]
-            psi.append(found)
-            at_samples = np.concatenate([parts[:, 0], parts[-1:, -1]])
-            direct.append(t.tracked.steps.H[:, :, t.estimator.d.start + column][:, :, None] * at_samples[:, None, :])
-        return Effect(psi, direct)
-
-    def _best(self, term: TermCandidate) -> TermScore | None:
-        """The shapes with the largest gain; None: no recording answers to it."""
-        best: TermScore | None = None
-        width = 1 if term.phase is None else 2
-        every = list(combinations(term))
-        for first in range(0, len(every), TOGETHER):
-            some = every[first : first + TOGETHER]
-            groups = [slice(k * width, (k + 1) * width) for k in range(len(some))]
-            for shapes, (theta, covariance, gain) in zip(some, self.gls(self.of_term(term, some), groups), strict=True):
-                if gain <= (best.gain if best else 0.0):
-                    continue
-                sigma = float(np.sqrt(np.trace(covariance) / width))
-                if width == 1:
-                    best = TermScore(term.name, shapes, float(theta[0]), sigma, None, gain)
-                else:
-                    phase = float(np.arctan2(theta[1], theta[0]))
-                    best = TermScore(term.name, shapes, float(np.hypot(*theta)), sigma, phase, gain)
-        return best
-
-    def _likelihood(self, terms: Sequence[tuple[TermCandidate, TermScore]]) -> float:
-        """Log of the likelihood with base parameters and terms at their most likely values and the latent forces' sizes
-        estimated again, less half the logarithm of the number of readings per coefficient (Schwarz 1978, Ann. Stat. 6).
-        """
-        parts = [self.base, *(self.of_term(term, [score.shapes]) for term, score in terms)]
-        psi = [np.concatenate([p.psi[n] for p in parts], axis=2) for n in range(len(self.trackings))]
-        direct = [np.concatenate([p.direct[n] for p in parts], axis=2) for n in range(len(self.trackings))]
-        columns = _Columns(self, Effect(psi, direct))
-        more = psi[0].shape[2] - len(self._prior)
-        gram = columns.gram + np.diag(np.concatenate([self._prior, np.zeros(more)]))
-        scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        gradient = columns.gradient.copy()
-        gradient[: len(self._prior)] += self._prior * self._centre
-        theta = np.linalg.pinv(gram / np.outer(scale, scale), rcond=SEEN, hermitian=True) @ (gradient / scale) / scale
-        total = -0.5 * more * np.log(sum(np.isfinite(t.tracked.steps.r).sum() for t in self.trackings))
-        for t, p, d in zip(self.trackings, psi, direct, strict=True):
-            steps, found = t.tracked.steps, t.tracked.filtered
-            alone = replace(found, K=np.zeros_like(found.K), precision=(found.precision > 0).astype(float))
-            explained = respond(steps, alone, p @ theta[:, None], d @ theta[:, None])[:, :, 0]
-            tracked = replace(t.tracked, steps=replace(steps, r=steps.r - explained))
-            estimator = t.estimator
-            for _ in range(ROUNDS):
-                estimator = estimator.resized(tracked, slice(None))
-            total += estimator.refilter(tracked).filtered.log_likelihood
-        return float(total - 0.5 * self._prior @ (theta[: len(self._prior)] - self._centre) ** 2)
 
     def of_term(self, term: TermCandidate, combinations: Sequence[Mapping[str, float]]) -> Effect:
         """A column, or two a quarter of a period apart, for each combination of shapes."""

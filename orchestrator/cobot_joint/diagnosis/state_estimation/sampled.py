@@ -168,14 +168,6 @@ class SampledSystem:
     def _before_onsets(self) -> dict[str, Value]:
         return {name: value for name, value in self.values.items() if name not in self.onsets}
 
-    def value_of(self, piece: Piece, wire: Connection) -> Array:
-        """What arrives at the end of a wire during a piece: (n,)"""
-        if wire.source_component:
-            source = piece.signals[f"{wire.source_component}.{wire.source}"]
-        else:
-            source = piece.inputs.get(wire.source, np.zeros(len(piece.time)))
-        return wire.factor * source + wire.offset
-
     def own_signal(self, name: str, signals: Mapping[str, Array]) -> Array | None:
         """`component.variable` among recorded signals, an input by the wire into it; None: it was not recorded."""
         if name in signals:

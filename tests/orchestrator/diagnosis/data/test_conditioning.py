@@ -1,4 +1,4 @@
-"""Noise, colour, step and delay come out as they were put in."""
+"""Noise, colour and step come out as they were put in."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 import scipy.signal
 
 from cobot_joint.diagnosis.data.campaign import load_campaign
-from cobot_joint.diagnosis.data.conditioning import assess, condition, delay
+from cobot_joint.diagnosis.data.conditioning import assess, condition
 
 N = 16000
 STEP = 1e-3
@@ -81,17 +81,6 @@ def test_noise_and_its_colour_are_estimated_where_no_window_is_recorded_in_full(
     q = assess(x)
     assert q.noise == pytest.approx(0.3, rel=0.06)
     assert q.colour == pytest.approx(rho, abs=0.06)
-
-
-@pytest.mark.parametrize("seconds", [0.0, 0.4e-3, 3.3e-3, -2e-3])
-def test_a_delay_is_found_to_a_fraction_of_a_sample(seconds: float) -> None:
-    tau, error = delay(motion() + noise(0, 0.1, 1), 0.5 * np.interp(T - seconds, T, motion()) + noise(0, 0.1, 2), STEP)
-    assert tau == pytest.approx(seconds, abs=0.05e-3)
-    assert abs(tau - seconds) < 5 * error
-
-
-def test_channels_with_nothing_in_common_have_no_delay() -> None:
-    assert np.isnan(delay(motion(), np.zeros(N), STEP)[0])
 
 
 @pytest.mark.parametrize(("case", "rho"), [("case01", 0.0), ("case03", 0.5), ("case06", 0.8)])

@@ -146,8 +146,13 @@ def test_a_count_goes_on_with_its_own_machines_and_refuses_rows_of_others(tmp_pa
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("seed", "number", "component"),
-    [(21, 6, "motor_bldc"), (73, 48, "mr_brake_belt"), (73, 7, "motor_bldc"), (163, 88, "motor_bldc"),
-     (199, 40, "mr_brake_belt")],
+    [
+        (21, 6, "motor_bldc"),
+        (73, 48, "mr_brake_belt"),
+        (73, 7, "motor_bldc"),
+        (163, 88, "motor_bldc"),
+        (199, 40, "mr_brake_belt"),
+    ],
     ids=["cubic", "rough places", "a resonance", "teeth", "no idle torque"],
 )
 def test_a_drag_on_no_list_is_not_called_a_data_sheet_that_is_wrong(seed: int, number: int, component: str) -> None:

@@ -85,9 +85,8 @@ Values = dict[str, float | bool | str]  # `component.parameter` -> number, choic
 class RecordingEntry(_Model):
     """One [[recording]] of campaign.toml: a file, or several that are read alike."""
 
-    file: (
-        str | Annotated[list[str], Field(min_length=1)]
-    )  # names or patterns, "runs/*.csv": the files that no other entry names
+    # names or patterns, "runs/*.csv": the files that no other entry names
+    file: str | Annotated[list[str], Field(min_length=1)]
     setup: str | None = None
     role: Role = "train"
     initial: dict[str, float | First] = Field(default_factory=dict)

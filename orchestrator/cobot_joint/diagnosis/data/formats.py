@@ -145,8 +145,9 @@ def _arrow(column: pa.ChunkedArray, first_line: int | None = None) -> NDArray[np
         return np.asarray((whole - (known[0] if known else 0)) * 1e-9, dtype=float)
     if pa.types.is_integer(kind):  # of an epoch in ns a double knows no microseconds
         values = column.to_numpy(zero_copy_only=False)
-        large = values.dtype.kind in "iu" and len(values) and np.abs(values).max() > 2**53
-        return np.asarray(values - (values[0] if large else 0), dtype=float)
+        if values.dtype.kind in "iu" and len(values) and float(values.max()) > 2**53:
+            values = values.astype(np.int64) - np.int64(values[0])
+        return np.asarray(values, dtype=float)
     if pa.types.is_boolean(kind) or pa.types.is_floating(kind):
         return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False))
     if pa.types.is_null(kind):

@@ -50,17 +50,19 @@ def _version(wanted: bool) -> None:
 @with_options
 def common(
     context: typer.Context,
-    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show it.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but errors.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Trace an error to where it arose.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Say the answer as JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")] = False,
     precautions: Precautions = _NO_PRECAUTIONS,
 ) -> None:
     """What holds for every command."""
     precautions.take(context)
     if as_json and context.invoked_subcommand in WITHOUT_JSON:
         allowed = among(sorted(set(_commands()) - WITHOUT_JSON))
-        raise UserError(f"--json is given with {context.invoked_subcommand}; allowed it is with {allowed}")
+        raise UserError(f"--json is given with {context.invoked_subcommand}, it is allowed with {allowed}")
     output.verbose, output.as_json = verbose, as_json
     for one in (console, diagnosis.console, own_bench.console, live.console):
         one.quiet = quiet or as_json

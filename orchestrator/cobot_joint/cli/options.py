@@ -40,7 +40,8 @@ class Changes:
         typer.Option(help="transfer_function, averaged, simscape, comprehensive, foc or switching: the motor's model."),
     ] = None
     scheme: Annotated[
-        str | None, typer.Option(help="Coupling scheme, see below.", show_default="the scenario's, or adaptive")
+        str | None,
+        typer.Option(help="Coupling scheme: one of those above.", show_default="the scenario's, or adaptive"),
     ] = None
     step: Annotated[float | None, typer.Option(help="Communication step, s.", show_default="the scheme's own")] = None
 

@@ -22,13 +22,13 @@ class Precautions:
     """See cosim.isolation for what the limits are, units for the cache."""
 
     isolate: Annotated[
-        bool | None, typer.Option("--isolate", help="Shipped units, too, live in processes of their own.")
+        bool | None, typer.Option("--isolate", help="Run shipped units, too, in processes of their own.")
     ] = None
     time_limit: Annotated[
-        str | None, typer.Option(metavar="S", help="Of one call of an isolated unit.", show_default="30")
+        str | None, typer.Option(metavar="S", help="Time limit for one call of an isolated unit.", show_default="30")
     ] = None
     memory_limit: Annotated[
-        str | None, typer.Option(metavar="MB", help="Of an isolated unit.", show_default="4000")
+        str | None, typer.Option(metavar="MB", help="Address space of an isolated unit.", show_default="4000")
     ] = None
     no_cache: Annotated[
         bool | None, typer.Option("--no-cache", help="Unpack FMUs for this call alone, not into the user's cache.")

@@ -45,7 +45,9 @@ Baseline = Annotated[
 Within = Annotated[
     float | None,
     typer.Option(
-        min=0.0, metavar="SECONDS", help="Look at nothing further after that; the answer says what was left out."
+        min=0.0,
+        metavar="SECONDS",
+        help="Look at nothing further after that; the answer says what was left out. Not for a frequency response.",
     ),
 ]
 

@@ -50,7 +50,7 @@ def test_json_of_a_command_that_has_none_is_refused(
         cli.main()
     allowed = "check, demo, diagnose, export, run, verify"
     assert (left.value.code, capfd.readouterr().err) == (
-        2, f"cobot-joint: --json is given with prove; allowed it is with {allowed}\n"
+        2, f"cobot-joint: --json is given with prove, it is allowed with {allowed}\n"
     )  # fmt: skip
 
 

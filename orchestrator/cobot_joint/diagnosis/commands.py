@@ -151,13 +151,14 @@ def verify(
     campaign: CampaignFile,
 ) -> dict[str, Any]:
     """Hold the repaired system against the campaign's held-out recordings."""
-    from cobot_joint.diagnosis.data.campaign import load_campaign
+    from cobot_joint.diagnosis.data.campaign import has_training, load_campaign
     from cobot_joint.diagnosis.repair.verify import read_diagnosis
     from cobot_joint.diagnosis.repair.verify import verify as run
 
     read_diagnosis(folder)  # before anything takes time
     writable(folder)
-    loaded = load_campaign(campaign, roles=("holdout",))
+    # noise, and what is no measurement, are those of all recordings, as for `diagnose`
+    loaded = load_campaign(campaign, roles=("train", "holdout") if has_training(campaign) else ("holdout",))
     content = run(folder, loaded)
     units = {name: unit for recording in loaded.recordings for name, unit in recording.units.items()}
     console.print(f"repaired system: {escape(content['system'])}", soft_wrap=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -197,7 +197,7 @@ def new(
     console.print(write_readable(made.system, words, folder / "system.ssd"), soft_wrap=True)
     if chain and "shaft" not in parts:
         console.print(*_shaft(made, "shaft.c_s" in values), sep="", end="")
-    console.print(*_ringing(made), sep="", end="")
+    console.print(*_ringing(made), *_commanded(made, values), sep="", end="")
     (folder / "campaign.toml").write_text(_campaign(made.system, folder), encoding="utf-8")
     console.print(folder / "campaign.toml", soft_wrap=True)
 
@@ -211,6 +211,14 @@ def _shaft(made: Chain, known: bool) -> list[str]:
     k, c_s = names.index("shaft"), made.system.component("shaft").parameters["shaft.c_s"]
     between = f"a shaft of {c_s:g} N.m/rad stands between {names[k - 1]} and {names[k + 1]}"
     return [f"{between}; that stiffness is assumed: set the real one with --set 'shaft.c_s=VALUE'\n"]
+
+
+def _commanded(made: Chain, given: Collection[str]) -> list[str]:
+    """What a servo loop's output is taken for, where nobody said."""
+    if "loop" not in made.parts or any(name.endswith("mode") for name in given):
+        return []
+    current = "--set motor.drive.mode=current"
+    return [f"the loop's output is taken for the motor's voltage; where it commands a current: {current}\n"]
 
 
 def _ringing(made: Chain) -> list[str]:
@@ -228,7 +236,7 @@ def _ringing(made: Chain) -> list[str]:
     if not J > 0 or not c_s > 0 or d_s >= math.sqrt(c_s * J):  # half of critical damping, 2 sqrt(c_s J)
         return []
     f, damped = math.sqrt(c_s / J) / (2 * math.pi), d_s / (2 * math.sqrt(c_s * J))
-    c = J * (2 * math.pi * STIFF) ** 2
+    c = max(c_s, J * (2 * math.pi * STIFF) ** 2)
     stiff = f"--set sensor.c_s={c:.4g} --set sensor.d_s={1.4 * math.sqrt(c * J):.3g}"
     return [
         f"on the sensor's spring the {names[2]} rings at {f:.3g} Hz, damped by {100 * damped:.2g} %: recorded motion "

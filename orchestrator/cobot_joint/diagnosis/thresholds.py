@@ -37,6 +37,9 @@ MOST_TERMS = 4  # of a campaign; drawn ones have two at most [count]
 COLLINEAR = 0.9995  # cosine from which on two responses are one: motor and gear friction have 1.000 [naming]
 ALIKE = 30.0  # chi-square by which a term's fit may be worse and still not be told apart: five sigma of one number
 ALIKE_SHARE = 0.05  # the same, as a share of the excess that the best fit leaves [naming]
+SAME_SHARE = (
+    0.002  # of what a listed term takes, that a parameter may fall short of and still be said before it [naming]
+)
 MOST_NAMES = 4  # that one finding may carry: the scorers' rule, ../shared/score.py
 
 # -- which fits are tried (they decide what is looked at)

@@ -229,6 +229,13 @@ def files_of(path: Path) -> list[Path]:
     return list(dict.fromkeys(file for file, _ in recording_files(path, given) if file.is_file()))
 
 
+def has_training(path: Path) -> bool:
+    """Whether a campaign has training recordings, and all of them are there."""
+    path = path / "campaign.toml" if path.is_dir() else path
+    files = [file for file, entry in recording_files(path, read_campaign_file(path)) if entry.role == "train"]
+    return bool(files) and all(file.is_file() for file in files)
+
+
 def missing_recordings(path: Path) -> list[Path]:
     """Recordings that a campaign names and that are not there."""
     return [file for file, _ in recording_files(path, read_campaign_file(path)) if not file.is_file()]

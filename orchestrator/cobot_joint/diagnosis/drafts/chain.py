@@ -67,7 +67,7 @@ PARTS: dict[str, Part] = {
         "planetary_gear", "gearhead", before=("phi", "w", "tau"), after=("phi_o", "w_o", "tau_s"), moves=("after",),
         data_sheet=("ratio.N", "mesh.eta", "mesh.c", "mesh.d_g", "mesh.b", "housing.J_coupled", "output.J_o",
                     "friction.tau_C", "friction.d"),
-        fits={"mesh.eta": "6 %", "mesh.c": "30 %"} | FRICTION,
+        fits={"mesh.eta": "6 %", "mesh.c": "30 %", "mesh.b": "30 %"} | FRICTION,
     ),
     "harmonic": Part(
         "harmonic_drive", "harmonic drive", before=("phi", "w", "tau"), after=("phi_o", "w_o", "tau_s"),
@@ -112,13 +112,13 @@ PARTS: dict[str, Part] = {
         "driven_load", "pendulum", before=("phi", "w", "tau"), moves=("before",),
         values={"gravity.g": 9.80665, "body.m": 0.5, "body.r": 0.1, **TURNS},
         data_sheet=("body.m", "body.r", *BODY), shows={"phi_load": ("phi", "angle of the pendulum")},
-        fits={"body.m": "5 %"} | FRICTION,
+        fits={"body.m": "5 %", "body.r": "5 %", "body.J": "10 %"} | FRICTION,
     ),
     "screw": Part(
         "driven_load", "carriage on a screw or belt", before=("phi", "w", "tau"), moves=("before",),
         values={"body.lead": 8e-4, "body.m": 5.0, "body.J": 1e-5, **STICKS},
         data_sheet=("body.lead", "body.m", *BODY), shows={"s": ("s", "displacement of the carriage")},
-        fits={"body.m": "10 %"} | FRICTION,
+        fits={"body.m": "10 %", "body.J": "10 %"} | FRICTION,
     ),
     "brake": Part(
         "mr_brake_belt", "belt with a magneto-rheological brake", before=("phi_p", "w_p", "tau_s"), moves=("before",),
@@ -135,9 +135,9 @@ PARTS: dict[str, Part] = {
 ALIASES = {  # as data sheets call them
     "terminal_resistance": "winding.R", "terminal_inductance": "winding.L", "torque_constant": "winding.k",
     "k_M": "winding.k", "k_t": "winding.k", "rotor_inertia": "rotor.J", "J": "rotor.J", "reduction": "ratio.N",
-    "gear_ratio": "ratio.N", "i": "ratio.N", "efficiency": "mesh.eta", "backlash": "mesh.b", "stiffness": "mesh.c",
-    "rated_torque": "amplifier.tau_rated", "mass": "body.m", "pitch": "body.lead", "coulomb_friction": "friction.tau_C",
-    "viscous_friction": "friction.d",
+    "gear_ratio": "ratio.N", "ratio": "ratio.N", "i": "ratio.N", "efficiency": "mesh.eta", "backlash": "mesh.b",
+    "stiffness": "mesh.c", "rated_torque": "amplifier.tau_rated", "mass": "body.m", "inertia": "body.J",
+    "pitch": "body.lead", "coulomb_friction": "friction.tau_C", "viscous_friction": "friction.d",
 }  # fmt: skip
 
 
@@ -241,9 +241,11 @@ def with_data_sheet(made: Chain, given: Mapping[str, str]) -> Chain:
 
 def _parameter(key: str, wanted: str, unit: Unit) -> str:
     """The parameter of that path, data-sheet name, or only one whose path ends so."""
-    real = [n for n, v in unit.variables.items() if v.causality == "parameter" and v.type == "Real"]
+    every = [n for n, v in unit.variables.items() if v.causality == "parameter"]  # with choices, by their names
+    real = [n for n in every if unit.variables[n].type == "Real"]
     alias = ALIASES.get(wanted, wanted)
-    found = [n for n in real if n == alias] or [n for n in real if n.endswith(f".{wanted}")]
+    found = [n for n in every if n == alias] or [n for n in real if n.endswith(f".{wanted}")]
+    found = found or [n for n in every if n.endswith(f".{wanted}")]
     base = [n for n in found if n in {p for part in PARTS.values() for p in part.data_sheet}]
     found = base or found
     if len(found) != 1:

@@ -144,7 +144,8 @@ def _finding(
     problem: Problem, explanation: Explanation, selected: Selected, repaired: Mapping[str, Estimate], left: float
 ) -> Finding:
     """No claim where it is as large as it may be and leaves what stands out: a stiffness that gives way was a brake
-    that fades altogether, 95 %, which left eighty sigma (machine 197/37)."""
+    that fades altogether, 95 %, which left eighty sigma (machine 197/37). None either where its amplitude may be none:
+    a term whose shape lies beyond all that was driven is a base parameter by another name, and neither is known."""
     on = {a.name: a for a in explanation.fit.hypothesis.terms}
     active = on[selected.term]
     equal = explanation.selection.indistinguishable  # term -> the one that it equals
@@ -154,6 +155,7 @@ def _finding(
     both = [active, *(on[t] for t in indistinguishable if t in on)]
     sure, ground = _sure(problem, explanation, selected, left)
     size = repaired.get(active.term.amplitude)
+    vague = size is not None and size.ci95 is not None and size.ci95[0] <= active.term.neutral <= size.ci95[1]
     short = size is not None and size.at and problem.stands_out(explanation.fit.residual)
     found = Finding(
         term=selected.term,
@@ -165,6 +167,7 @@ def _finding(
         gain=selected.gain,
         ground=ground,
     )
+    found = found.withheld("its size may be none, by its interval") if vague else found
     return found.withheld("it is as large as it may be, and that is not enough") if short else found
 
 

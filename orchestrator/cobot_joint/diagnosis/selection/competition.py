@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from operator import attrgetter, itemgetter
 
@@ -48,7 +48,8 @@ class Competition:
         """Those whose predicted gain is `least` (chi-square) fitted roughly, then those near the best one finished.
 
         By term, the lowest cost first; none that is no better than `best`. Where the leading ones leave what stands
-        out, sensitivities mislead: others are tried that do well as they are.
+        out, sensitivities mislead: others are tried that do well as they are. Where one leaves nothing, only its equals
+        are, and the same physics in other units: a gear's Stribeck friction of 94 % was the motor's.
         """
         above = max(best.chi2 - self.problem.samples, 0.0)
         top = max((s.gain for s in ranked), default=0.0)
@@ -57,8 +58,8 @@ class Competition:
         fits: dict[str, Fit] = {}
         enough = -np.inf  # predicted gain from which on a candidate is tried
         for k, score in enumerate([s for s in ranked if s.gain > least][: 2 * FITTED]):
-            if score.gain < enough:
-                break
+            if score.gain < enough and not _is_kin(score, fits):
+                continue
             lowest = min(fits.values(), key=attrgetter("cost"), default=best)
             leads = score.gain > worth and (k < FITTED or (first and score.gain > thresholds.ABREAST * top))
             if not leads and not self.problem.stands_out(lowest.residual):
@@ -252,6 +253,11 @@ def _taken_from(onsets: Vector, times: Vector, more: Vector) -> Vector:
     order = np.argsort(times, kind="stable")
     before = np.concatenate([[0.0], np.cumsum(more[order])])
     return before[-1] - before[np.searchsorted(times[order], onsets)]
+
+
+def _is_kin(score: Score, fits: Collection[str]) -> bool:
+    """Whether the same term of another unit has been fitted."""
+    return any(name.rsplit(".")[-1] == score.term.name.rsplit(".")[-1] for name in fits)
 
 
 def _is_hopeless(best: Fit, cost: float, lowest: float) -> bool:

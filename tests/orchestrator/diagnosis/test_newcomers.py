@@ -1,0 +1,70 @@
+"""Machines that a newcomer simulates without the project's units: what their logs say is said, or doubted."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.orchestrator.diagnosis.typed import Done
+
+Run = tuple[np.ndarray, Mapping[str, np.ndarray]]  # time, column -> samples
+
+
+def held(w: float, free: float, grip: float) -> float:
+    """A speed after a step with dry friction: 0 where the friction is more than what would move it."""
+    return 0.0 if abs(free) <= grip and w * free <= 0 else free - np.sign(free or w) * min(grip, abs(free))
+
+
+def pendulum(tau: np.ndarray, h: float, tau_C: float) -> tuple[np.ndarray, np.ndarray]:
+    """(phi, w): (J + m r^2) dw/dt = tau - m g r sin(phi) - d w - tau_C sgn(w), by steps of h."""
+    J, m, r, g, d = 0.0103, 0.81, 0.252, 9.81, 0.0105
+    M, phi, w = J + m * r * r, np.empty(len(tau)), np.empty(len(tau))
+    a = b = 0.0
+    for k, torque in enumerate(tau):
+        phi[k], w[k] = a, b
+        b = held(b, b + h * (torque - m * g * r * np.sin(a) - d * b) / M, h * tau_C / M)
+        a += h * b
+    return phi, w
+
+
+def logged(folder: Path, name: str, run: Run) -> None:
+    t, columns = run
+    rows = np.column_stack([t, *columns.values()])
+    np.savetxt(folder / name, rows, fmt="%.6g", delimiter=",", header=",".join(["t [s]", *columns]), comments="")
+
+
+@pytest.mark.long
+def test_a_pendulums_dry_friction_of_two_and_a_half_times_its_data_sheet_is_not_called_stribeck_friction(
+    tmp_path: Path, cobot_joint: Callable[..., Done]
+) -> None:
+    """Its mass and length are 1 % off as well. Stribeck friction that falls off beyond all speeds driven had been it,
+    95 % sure."""
+    rng, every = np.random.default_rng(4), 50
+    h, fine = 1e-4, np.arange(0, 14, 1e-4)
+    waves = (((0.9, 0.4, 0.0), (0.4, 1.7, 1.0)), ((1.3, 0.45, 1.0), (0.5, 2.3, 0.0)))
+    for name, parts in zip(("run1.csv", "run2.csv"), waves, strict=True):
+        tau = sum(A * np.sin(2 * np.pi * f * fine + p) for A, f, p in parts)
+        phi, w = pendulum(np.asarray(tau), h, 0.125)
+        t, tau, phi, w = (x[::every] for x in (fine, np.asarray(tau), phi, w))
+        noisy = {
+            "tau [N.m]": rng.normal(tau, 0.002),
+            "phi [rad]": rng.normal(phi, 5e-4),
+            "w [rad/s]": rng.normal(w, 0.02),
+        }
+        logged(tmp_path, name, (t, noisy))
+    sheet = {"m": "0.8 kg", "r": "0.25 m", "J": "0.01 kg.m2", "tau_C": "0.05 N.m", "d": "0.01 N.m.s/rad"}
+    words = [word for name, value in sheet.items() for word in ("--set", f"pendulum.{name}={value}")]
+    assert cobot_joint("new", "--chain", "pendulum", *words, "--out", "machine").returncode == 0
+    campaign = (tmp_path / "machine/campaign.toml").read_text()
+    campaign = campaign.replace('"tau [N.m]"', '"tau"').replace('"phi_load [rad]"', '"phi"')
+    campaign = campaign.replace("[tolerances]", '"w" = "pendulum.w"\n[tolerances]').replace('"run', '"../run')
+    (tmp_path / "machine/campaign.toml").write_text(campaign)
+    done = cobot_joint("diagnose", "machine/campaign.toml", "--out", "answer")
+    assert done.returncode == 0, done.stderr
+    found = json.loads((tmp_path / "answer/diagnosis.json").read_text())["findings"]
+    assert [f["term"] for f in found if f["confidence"] >= 0.5] == ["pendulum.friction.tau_C"]
+    assert found[0]["parameters"]["pendulum.friction.tau_C"]["value"] == pytest.approx(0.125, rel=0.02)

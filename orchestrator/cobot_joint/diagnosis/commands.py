@@ -155,14 +155,14 @@ def verify(
     from cobot_joint.diagnosis.repair.verify import read_diagnosis
     from cobot_joint.diagnosis.repair.verify import verify as run
 
-    read_diagnosis(folder)  # before anything takes time
+    diagnosis = read_diagnosis(folder)  # before anything takes time
     writable(folder)
     # noise, and what is no measurement, are those of all recordings, as for `diagnose`
     loaded = load_campaign(campaign, roles=("train", "holdout") if has_training(campaign) else ("holdout",))
     content = run(folder, loaded)
     units = {name: unit for recording in loaded.recordings for name, unit in recording.units.items()}
     console.print(f"repaired system: {escape(content['system'])}", soft_wrap=True)
-    _print_figures("held-out runs", content["channels"], units)
+    _print_figures("held-out runs", content["channels"], units, diagnosis.get("repair"))
     if why := content.get("not_predicted"):
         console.print(f"[yellow]no prediction from short distances: {escape(why)}[/yellow]", soft_wrap=True)
     for name in ("verify.json", "verify.parquet"):

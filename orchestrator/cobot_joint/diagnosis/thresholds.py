@@ -14,7 +14,7 @@ LEFT_SIGMA = 3.0  # scatter of the excess, above which slow structure is left
 LEFT_SHARE = 0.03  # of the samples, by which chi-square may exceed them: a noise's variance is known to 2 %
 CLEARLY_LEFT = 10.0  # scatters of the excess, from which on something is looked for beyond the listed terms [naming]
 HARDLY_LEFT = 5.0  # scatters, below which nothing is left that a fit could take or a place could hold [naming]
-HARDLY_LEFT_SHARE = 0.005  # of what was above noise, the same [naming]
+HARDLY_LEFT_SHARE = 0.005  # of what was above noise, the same, and that a parameter may leave more than a term [naming]
 UNDECIDED = 30.0  # scatters, above which "nothing is missing" is not said though nothing was named [count]
 
 # -- a listed term's evidence
@@ -37,9 +37,6 @@ MOST_TERMS = 4  # of a campaign; drawn ones have two at most [count]
 COLLINEAR = 0.9995  # cosine from which on two responses are one: motor and gear friction have 1.000 [naming]
 ALIKE = 30.0  # chi-square by which a term's fit may be worse and still not be told apart: five sigma of one number
 ALIKE_SHARE = 0.05  # the same, as a share of the excess that the best fit leaves [naming]
-SAME_SHARE = (
-    0.002  # of what a listed term takes, that a parameter may fall short of and still be said before it [naming]
-)
 MOST_NAMES = 4  # that one finding may carry: the scorers' rule, ../shared/score.py
 
 # -- which fits are tried (they decide what is looked at)

@@ -86,6 +86,38 @@ def test_what_inspect_was_told_of_a_file_stands_in_its_draft(
     np.testing.assert_allclose(run.outputs["w_motor"], 20 * np.cos(3 * T), atol=1e-6)
 
 
+def test_a_set_value_may_stand_still_and_a_jittered_logs_steps_are_those_of_the_file(
+    tmp_path: Path, cobot_joint: Callable[..., Done]
+) -> None:
+    rng = np.random.default_rng(1)
+    t = T + rng.uniform(-1e-4, 1e-4, len(T))
+    moves = 300 * np.sin(3 * t) + rng.normal(0, 4, len(t))
+    columns = {
+        "t [s]": np.sort(t),
+        "U_set [V]": np.where(t % 2 < 1, 6.0, -6.0),
+        "n_motor [rpm]": np.round(moves / 5) * 5,
+    }
+    log(tmp_path, "run.csv", columns)
+    said = cobot_joint("inspect", "run.csv").stdout
+    assert "frozen" not in said
+    (row,) = [line.split("│") for line in said.splitlines() if "n_motor" in line and "│" in line]
+    assert row[6].strip() == "5"
+
+
+def test_new_asks_what_a_loop_commands_and_takes_choices_from_the_data_sheet(
+    tmp_path: Path, cobot_joint: Callable[..., Done]
+) -> None:
+    done = cobot_joint("new", "--chain", "loop,motor,load", "--out", "a")
+    assert "--set motor.drive.mode=current" in done.stdout
+    done = cobot_joint("new", "--chain", "loop,motor,load", "--set", "motor.drive.mode=current", "--set",
+                       "motor.friction.law=smooth", "--set", "load.inertia=2 kgm2", "--out", "b")  # fmt: skip
+    assert (done.returncode, "--set motor.drive.mode" in done.stdout) == (0, False), done.stderr
+    motor = load_system(tmp_path / "b/system.ssd").component("motor")
+    assert motor.parameters["drive.mode"] != load_system(tmp_path / "a/system.ssd").component("motor").parameters.get(
+        "drive.mode"
+    )
+
+
 def test_pictures_of_logs_of_one_name_are_kept_apart(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:
     for day in ("day1", "day2"):
         (tmp_path / day).mkdir()

@@ -9,14 +9,16 @@ import numpy as np
 
 from cobot_joint.diagnosis.checks.suspicions import suspicions
 from cobot_joint.diagnosis.data.clock import SLOWEST
-from cobot_joint.diagnosis.data.conditioning import ChannelQuality, assess
+from cobot_joint.diagnosis.data.conditioning import ChannelQuality, assess, quantisation_step
 from cobot_joint.diagnosis.data.delimited import Layout
 from cobot_joint.diagnosis.data.formats import Log, NoClock, read_log
 from cobot_joint.diagnosis.data.quantity import is_position
 from cobot_joint.diagnosis.data.recording import LARGEST, Connector, Reading, Recording, read_recording
+from cobot_joint.diagnosis.drafts.campaign_text import is_command
 from cobot_joint.errors import UserError
 
 TABLE = "no column is a clock: each row is taken for a steady state; if they are samples of a run, the clock is missing"
+AS_ASKED = ("clipped", "frozen", "held")  # what a set value may be
 
 
 @dataclass(frozen=True)
@@ -50,8 +52,11 @@ def inspect_log(path: Path, time: str | None = None, layout: Layout | None = Non
     if not rows:
         if recording.step > SLOWEST:
             words.append(f"the clock steps by {recording.step:g} s: if it counts ms, say time = '{log.clock} [ms]'")
-        words += [f"{s.channel}: {s.evidence}" for s in suspicions([recording])]
+        found = [s for s in suspicions([recording]) if not (s.kind in AS_ASKED and is_command(s.channel))]
+        words += [f"{s.channel}: {s.evidence}" for s in found]
     quality = {n: assess(x) for n, x in recording.outputs.items()}
+    steps = {c.name: quantisation_step(c.values[np.isfinite(c.values)]) for c in usable}  # interpolated, none is left
+    quality = {n: replace(q, step=q.step or steps.get(n, 0.0)) for n, q in quality.items()}
     at_rest = {n for n in quality if is_position(recording.units.get(n))}  # at the end of its way it is no less sound
     quality = {n: replace(q, saturated=0) if n in at_rest else q for n, q in quality.items()}
     if rows:  # they follow one another in no time: what differs from one to the next is no noise

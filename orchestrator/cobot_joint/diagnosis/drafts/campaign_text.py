@@ -53,6 +53,11 @@ class Columns:
     unusable: Mapping[str, str] = field(default_factory=dict)  # column -> why
 
 
+def is_command(name: str) -> bool:
+    """Whether a column is a set value, by its name: what was asked of the machine, not what it did."""
+    return COMMAND in _words(name)
+
+
 def guess(channels: Sequence[Channel], connectors: Mapping[str, Connector], logged: Iterable[str] = ()) -> list[Guess]:
     """The likeliest pairs by unit and name, each column and connector once; logged: connectors that usually are."""
     usual = set(logged)
@@ -112,7 +117,7 @@ def _header(column: Channel) -> str:
 
 def _fits(column: Channel, connector: Connector) -> bool:
     """By its unit, and what was asked of the machine is not what it did."""
-    asked = connector.causality == "output" and COMMAND in _words(column.name)
+    asked = connector.causality == "output" and is_command(column.name)
     return _converts(column.unit, connector.unit) and not asked
 
 

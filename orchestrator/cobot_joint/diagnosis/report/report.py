@@ -135,9 +135,14 @@ def _finding(f: Mapping[str, Any], d: Mapping[str, Any], terms: Mapping[str, Ter
         "at_times": bool(f.get("load_history")),
         "where": shown,
         "parameters": f.get("parameters") or {},
-        "equivalent": [(term, headline.title_of(term, terms)) for term in f.get("equivalent") or []],
+        "equivalent": [*((term, headline.title_of(term, terms)) for term in f.get("equivalent") or []), *_misread(d)],
         "shape": _shape(f.get("shape")) or _loads(f.get("load_history")),
     }
+
+
+def _misread(d: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """A channel that is misread explains as much as a finding beside it."""
+    return [(d["misreading"]["column"], "a log that is wrong, of")] if d.get("misreading") else []
 
 
 def _where(d: Mapping[str, Any], compared: Sequence[Comparison]) -> list[dict[str, Any]]:

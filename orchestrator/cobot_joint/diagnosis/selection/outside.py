@@ -107,7 +107,7 @@ def look_outside(
     if best is not None and gain >= problem.evidence:
         slack = thresholds.ALIKE + thresholds.ALIKE_SHARE * max(problem.excess(explained.residual), 0.0)
         slow = not selected and _takes_what_is_slow(problem, calibrated, explained, best)
-        nearly = max(slack, thresholds.SAME_SHARE * taken) if len(selected) == 1 else slack
+        nearly = max(slack, thresholds.HARDLY_LEFT_SHARE * taken) if len(selected) == 1 else slack
         alone = slow or gain >= taken - (nearly if selected else 0.0)
         instead = len(selected) > 1 and gain >= thresholds.ALONE * first
         more = _with_terms(problem, best, select) if alone or instead or beside else None

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cobot_joint.diagnosis.drafts.chain import chain, with_data_sheet
+from tests.orchestrator.diagnosis.test_own_bench import recorded
 from tests.orchestrator.diagnosis.typed import Done
 
 Run = tuple[np.ndarray, Mapping[str, np.ndarray]]  # time, column -> samples
@@ -68,3 +70,24 @@ def test_a_pendulums_dry_friction_of_two_and_a_half_times_its_data_sheet_is_not_
     found = json.loads((tmp_path / "answer/diagnosis.json").read_text())["findings"]
     assert [f["term"] for f in found if f["confidence"] >= 0.5] == ["pendulum.friction.tau_C"]
     assert found[0]["parameters"]["pendulum.friction.tau_C"]["value"] == pytest.approx(0.125, rel=0.02)
+
+
+@pytest.mark.long
+def test_a_motors_stribeck_friction_is_not_called_its_gears_where_no_angle_is_logged_behind(
+    tmp_path: Path, cobot_joint: Callable[..., Done]
+) -> None:
+    """It was, 94 % sure: the gear's was predicted to take more, left nothing to speak of, and the motor's, which takes
+    more, was not fitted."""
+    sheet = {"motor.R": "0.61 Ohm", "motor.L": "0.12 mH", "motor.k": "38.5 mN.m/A", "motor.tau_C": "4 mN.m",
+             "motor.rotor.J": "120 gcm2", "gear.N": "20", "gear.mesh.c": "3000 N.m/rad", "gear.mesh.b": "0.004 rad",
+             "load.J": "0.02 kg.m2", "load.tau_C": "0.05 N.m", "load.d": "0.01 N.m.s/rad"}  # fmt: skip
+    words = [word for name, value in sheet.items() for word in ("--set", f"{name}={value}")]
+    assert cobot_joint("new", "--chain", "motor,gear,sensor,load", *words, "--out", "machine").returncode == 0
+    truth = sheet | {"motor.stribeck.tau_S": "6 mN.m", "motor.stribeck.w_S": "20 rad/s"}
+    machine = with_data_sheet(chain(["motor", "gear", "sensor", "load"]), truth).system
+    recorded(tmp_path, machine, "v_command", 6.0, 10.0, {"i_motor": 0.015, "w_motor": 0.4})
+    drafted = cobot_joint("inspect", "run1.csv", "run2.csv", "--system", "machine/system.ssd", "--out", "f")
+    assert drafted.returncode == 0, drafted.stderr
+    assert cobot_joint("diagnose", "f/campaign.toml", "--out", "answer").returncode == 0
+    found = json.loads((tmp_path / "answer/diagnosis.json").read_text())["findings"]
+    assert [f["term"] for f in found if f["confidence"] >= 0.5] == ["motor.stribeck"]

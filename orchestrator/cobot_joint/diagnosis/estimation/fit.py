@@ -114,6 +114,8 @@ def widened(white: Vector, jacobian: Vector, residual: Vector, stretches: Stretc
     The pull of every stretch counts once, however many rows it has (Liang and Zeger 1986, Biometrika 73(1)). Never
     narrower than for noise alone. white: (k, k), jacobian: (rows, k), residual: (rows,), stretches: (rows,), from 0.
     """
+    if not len(white):  # nothing was fitted
+        return white
     pulls = np.stack([np.bincount(stretches, column * residual) for column in jacobian.T], axis=1)
     pulls = pulls - pulls.mean(axis=0)  # what pulls against a bound pulls everywhere
     count = len(pulls)

@@ -14,7 +14,7 @@ LEFT_SIGMA = 3.0  # scatter of the excess, above which slow structure is left
 LEFT_SHARE = 0.03  # of the samples, by which chi-square may exceed them: a noise's variance is known to 2 %
 CLEARLY_LEFT = 10.0  # scatters of the excess, from which on something is looked for beyond the listed terms [naming]
 HARDLY_LEFT = 5.0  # scatters, below which nothing is left that a fit could take or a place could hold [naming]
-HARDLY_LEFT_SHARE = 0.005  # of what was above noise, the same, and that a parameter may leave more than a term [naming]
+HARDLY_LEFT_SHARE = 0.005  # of what was above noise, the same [naming]
 UNDECIDED = 30.0  # scatters, above which "nothing is missing" is not said though nothing was named [count]
 
 # -- a listed term's evidence

@@ -27,9 +27,11 @@ def driven(problem: Problem, fit: Fit, terms: Sequence[TermCandidate]) -> list[T
 
 
 def _reached(shape: ScannedShape, fastest: float) -> ScannedShape:
-    """As it is, where its scan and the speeds driven overlap."""
-    overlap = shape.values[0] < fastest and shape.values[-1] > HARDLY * fastest
-    if shape.unit not in SPEEDS or not shape.logarithmic or fastest <= 0 or overlap:
+    """With the highest speed driven; scanned as it is, where its scan and the speeds driven overlap."""
+    if shape.unit not in SPEEDS or not shape.logarithmic or fastest <= 0:
+        return shape
+    shape = replace(shape, reached=fastest)
+    if shape.values[0] < fastest and shape.values[-1] > HARDLY * fastest:
         return shape
     values = tuple(float(v) for v in np.geomspace(SLOW * fastest, FAST * fastest, len(shape.values)))
     lower, upper = min(shape.lower, values[0] / FURTHER), max(shape.upper, values[-1] * FURTHER)

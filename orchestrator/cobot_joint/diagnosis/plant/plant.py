@@ -56,6 +56,7 @@ class ScannedShape:
     unit: str = "1"
     logarithmic: bool = False
     whole: bool = False  # an order: counted, never fitted
+    reached: float = np.inf  # of a speed: the highest that was driven
 
 
 @dataclass(frozen=True)

@@ -107,7 +107,7 @@ def look_outside(
     if best is not None and gain >= problem.evidence:
         slack = thresholds.ALIKE + thresholds.ALIKE_SHARE * max(problem.excess(explained.residual), 0.0)
         slow = not selected and _takes_what_is_slow(problem, calibrated, explained, best)
-        nearly = max(slack, thresholds.HARDLY_LEFT_SHARE * taken) if len(selected) == 1 else slack
+        nearly = max(slack, thresholds.HARDLY_LEFT_SHARE * taken) if _beyond_what_was_driven(explained) else slack
         alone = slow or gain >= taken - (nearly if selected else 0.0)
         instead = len(selected) > 1 and gain >= thresholds.ALONE * first
         more = _with_terms(problem, best, select) if alone or instead or beside else None
@@ -199,6 +199,13 @@ def _beside(
     found = Outside(Selection([calibrated, fewer], kept), gain, ())
     say(f"{found.name} outside its tolerance leaves a third of what the terms leave")
     return found
+
+
+def _beyond_what_was_driven(explained: Fit) -> bool:
+    """Whether it has one term, whose curve over speed bends beyond the highest speed driven: it acts as a base
+    parameter does, and its number more takes what is left of other things."""
+    terms = explained.settled().hypothesis.terms
+    return len(terms) == 1 and any(terms[0].values[s.name] > s.reached for s in terms[0].term.shapes)
 
 
 def _takes_what_is_slow(problem: Problem, calibrated: Fit, explained: Fit, best: Fit) -> bool:

@@ -130,6 +130,8 @@ class Selector:
         if winner is None:
             return replace(so_far, done=True)
         again = self.without_last(best, winner)
+        if so_far.selected and best.cost - winner.cost < thresholds.HARDLY_LEFT_SHARE * self._taken(so_far):
+            again = self._anew(best, again)
         if again is not None and again.cost < best.cost:
             self.progress("the last fit had not come to its end")
             best = again
@@ -142,14 +144,25 @@ class Selector:
         """Whether the last term is more than a patch on what is there."""
         best, term = so_far.fit, winner.hypothesis.terms[-1].name
         gain, above = best.cost - winner.cost, best.chi2 - self.problem.samples
-        taken = so_far.history[0].chi2 - best.chi2
-        if gain < (thresholds.INEXACT * taken if so_far.selected else thresholds.LEAST * above):
+        if gain < (thresholds.INEXACT * self._taken(so_far) if so_far.selected else thresholds.LEAST * above):
             self.progress(f"{term} takes {share(gain, above)} of what is above noise: too little for a name")
             return False
         if so_far.selected and self._is_patch(best, winner):
             self.progress(f"{term} takes less than it leaves: a patch on a form that is somewhat off")
             return False
         return True
+
+    def _taken(self, so_far: Selection) -> float:
+        """Chi-square that the terms so far take."""
+        return so_far.history[0].chi2 - so_far.fit.chi2
+
+    def _anew(self, best: Fit, again: Fit | None) -> Fit | None:
+        """What a later term that takes next to nothing is held against: fits without it with a Jacobian of their own,
+        and their onsets once more. Two terms that had stopped short of their end left two thousandths to a third."""
+        starts = [found for found in (best, again) if found is not None]
+        fits = [fit(self.problem, at.hypothesis, at.x, None, finished(3, steps=30)) for at in starts]
+        ended = [self.with_onsets(found) for found in fits if found is not None]
+        return min([*ended, *starts], key=attrgetter("cost"), default=None)
 
     def _may_predict(self, best: Fit) -> bool:
         """Whether a further term that takes less than it leaves may show by prediction that it is needed: a second."""

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from cobot_joint.diagnosis.candidates.score_test import Column, Scan, scores
-from cobot_joint.diagnosis.data.campaign import Campaign
+from cobot_joint.diagnosis.data.campaign import Campaign, load_campaign
+from cobot_joint.diagnosis.engine import identify
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit, fit_added
 from cobot_joint.diagnosis.estimation.noise import Noise
 from cobot_joint.diagnosis.estimation.problem import Problem
+from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.selection import stepwise
 from cobot_joint.diagnosis.selection.competition import Competition
 from cobot_joint.diagnosis.selection.elimination import prune, without_needless
@@ -218,3 +221,12 @@ def test_a_share_is_never_more_than_all() -> None:
     assert share(2079297.0, 2079002.0) == "100 %"
     assert share(0.0, 0.0) == "0 %"
     assert share(np.float64(63.0), 100.0) == "63 %"
+
+
+@pytest.mark.long
+def test_a_third_term_that_takes_next_to_nothing_gives_way_to_two_that_are_fitted_to_their_ends(root: Path) -> None:
+    """Cogging and a brake that fades had stopped where they left 884 of chi-square of 426,000: a warm-up, 90 %."""
+    campaign = load_campaign(root / "proof" / "sealed" / "case27", roles=("train",))
+    with FmuPlant(campaign.systems()) as plant:
+        found = identify(campaign, plant)
+    assert {f.term for f in found.findings} == {"motor_bldc.cogging", "mr_brake_belt.brake_fade"}

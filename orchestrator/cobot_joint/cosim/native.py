@@ -95,6 +95,7 @@ class _Plan(ctypes.Structure):
         ("samples", c_void_p),
         ("n_recorded", c_size_t),
         ("recorded", POINTER(_Wire)),
+        ("limits", c_void_p),
         ("start_time", c_double),
         ("step", c_double),
         ("ticks_per_record", c_int64),

@@ -200,6 +200,7 @@ int cosim_begin(Master *m) {
   m->tick = m->rows = 0;
   m->stride = 1;
   m->known = 1;
+  m->beyond = false;
   m->calm = 0;
   m->next_break = 0;
   m->sample = m->plan.n_samples ? sample_before(m, 0, time_of(m, 0)) : 0;
@@ -237,7 +238,9 @@ int cosim_record(Master *m, double *row) {
                    ? m->y[s]
                    : sample_at(m, m->plan.samples + (s - m->plan.n_outputs) * m->plan.n_samples, k, t);
     row[j] = wire->factor * y + wire->offset;
+    if (m->plan.limits && !(fabs(row[j]) <= m->plan.limits[j])) m->beyond = true;
   }
+  if (m->beyond) return -1;
   m->rows++;
   return 0;
 }

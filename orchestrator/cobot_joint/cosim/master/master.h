@@ -32,6 +32,7 @@ struct Master {
   size_t next_break; /* breaks[next_break] > tick, the first such */
   size_t sample;     /* sample_time[sample] <= t < sample_time[sample + 1] */
   int known;         /* points in the past, the present one included */
+  bool beyond;       /* the plan's limits */
   double h_prev, h_prev2;
   Counters count;
   char message[512];

@@ -102,7 +102,7 @@ class Tracker:
         sampled = self._systems.enter_context(self._sampled(recording, values, onsets))
         known, before = self._structures[recording.setup], self._latents.get(recording.name)
         both = (*known.latents, *(replace(latent, tau=SLOW) for latent in known.latents))
-        estimator = StateEstimator(sampled, self.noise, before or both, known.followed)
+        estimator = StateEstimator(sampled, self.noise, before or both, known.followed, known.reached)
         tracked = estimator.track(recording)
         estimator = _likely(estimator, tracked, AGAIN if before else FIRST)
         if not before:  # the first sizes are a guess: so was where it led

@@ -5,12 +5,12 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from cobot_joint.diagnosis.data.formats import Channel
-from cobot_joint.diagnosis.data.quantity import convert
+from cobot_joint.diagnosis.data.quantity import convert, is_unit
 from cobot_joint.diagnosis.data.recording import Connector
 from cobot_joint.errors import UserError, among
 
@@ -24,6 +24,13 @@ WORDS = {
     "pos": "phi", "torque": "tau", "moment": "tau", "drehmoment": "tau", "m": "tau", "current": "i", "strom": "i",
     "voltage": "v", "spannung": "v", "u": "v", "ab": "sensor", "last": "load",
 }  # fmt: skip
+# units at the end of a name, as identifiers have them: `n_rpm`
+SUFFIXES = {
+    "rpm": "rpm", "rad": "rad", "mrad": "mrad", "deg": "deg", "rad_s": "rad/s", "rads": "rad/s", "radps": "rad/s",
+    "deg_s": "deg/s", "degs": "deg/s", "dps": "deg/s", "nm": "N.m", "mnm": "mN.m", "ncm": "N.cm", "ma": "mA",
+    "mv": "mV", "mm": "mm", "um": "um", "mm_s": "mm/s",
+}  # fmt: skip
+IN_WORDS = re.compile(r"\((?P<bracket>[^()\d][^()]*)\)$|\s(?:in\s|/\s)(?P<word>\S+)$")
 
 
 @dataclass(frozen=True)
@@ -58,11 +65,25 @@ def is_command(name: str) -> bool:
     return COMMAND in _words(name)
 
 
+def with_named_unit(column: Channel, connectors: Iterable[Connector]) -> Channel:
+    """With the unit that its name ends with, where its header has none and a connector takes it: `n_rpm`,
+    `torque (Nm)`, `speed in rad/s`."""
+    name = column.name.lower()
+    ends = [unit for suffix, unit in SUFFIXES.items() if name.endswith("_" + suffix)]
+    if words := IN_WORDS.search(column.name):
+        ends.append(words["bracket"] or words["word"])
+    fitting = (u for u in ends if is_unit(u) and any(c.unit and _converts(u, c.unit) for c in connectors))
+    unit = next(fitting, None) if column.unit is None else None
+    return replace(column, unit=unit) if unit else column
+
+
 def guess(channels: Sequence[Channel], connectors: Mapping[str, Connector], logged: Iterable[str] = ()) -> list[Guess]:
     """The likeliest pairs by unit and name, each column and connector once; logged: connectors that usually are."""
-    usual = set(logged)
+    usual, in_brackets = set(logged), {c.name for c in channels if c.unit}
     pairs = []
+    channels = [with_named_unit(c, connectors.values()) for c in channels]
     for channel in channels:
+        named = channel.unit and channel.name not in in_brackets
         fitting = [c for c in connectors.values() if _fits(channel, c)]
         for connector in fitting:
             likeness = _likeness(channel.name, connector.name)
@@ -70,6 +91,7 @@ def guess(channels: Sequence[Channel], connectors: Mapping[str, Connector], logg
             if likeness >= ALIKE or only:
                 why = "by its name" if likeness >= ALIKE else "the only one in this unit"
                 why += "" if channel.unit else f"; no unit is given, [{connector.unit or 1}] is taken"
+                why += "; its unit by its name" if named else ""
                 why = "" if channel.name == connector.name and channel.unit else why
                 score = likeness + 0.2 * (connector.name in usual) + 0.3 * only + 0.1 * (channel.unit is not None)
                 pairs.append((score, Guess(channel, connector.name, why)))
@@ -103,7 +125,7 @@ def left_over(
     used, taken = {g.column.name for g in guesses}, {g.connector for g in guesses}
     free = [c for c in offered if c.name not in taken and c.unit]
     left = {}
-    for channel in channels:
+    for channel in (with_named_unit(c, free) for c in channels):
         alike = {c.name: _likeness(channel.name, c.name) for c in free if _converts(channel.unit, c.unit)}
         fitting = [n for n, likeness in alike.items() if channel.unit not in (None, "1") or likeness >= ALIKE]
         if channel.name not in used:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.search import Search
+from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding, Ground, Verdict
@@ -157,6 +158,7 @@ def _finding(
     size = repaired.get(active.term.amplitude)
     vague = size is not None and size.ci95 is not None and size.ci95[0] <= active.term.neutral <= size.ci95[1]
     short = size is not None and size.at and problem.stands_out(explanation.fit.residual)
+    straight = _may_be_a_parameter(explanation.fit, active)
     found = Finding(
         term=selected.term,
         equivalent=tuple(dict.fromkeys([*indistinguishable, *alike]))[: thresholds.MOST_NAMES - 1],
@@ -168,7 +170,17 @@ def _finding(
         ground=ground,
     )
     found = found.withheld("its size may be none, by its interval") if vague else found
+    if straight:
+        words = "its curve bends beyond the speeds driven: a parameter of its unit that has no tolerance may be wrong"
+        found = found.withheld(words)
     return found.withheld("it is as large as it may be, and that is not enough") if short else found
+
+
+def _may_be_a_parameter(fit: Fit, active: ActiveTerm) -> bool:
+    """Whether it acts as a base parameter of its unit would, none of which may move: on a pendulum whose speed stays
+    below 5 rad/s a Stribeck friction of 108 rad/s is dry friction."""
+    beyond = any(active.values[shape.name] > shape.reached for shape in active.term.shapes)
+    return beyond and all(base.component != active.component for base in fit.hypothesis.base)
 
 
 def sure_beside_background(problem: Problem, selection: Selection) -> dict[str, float]:

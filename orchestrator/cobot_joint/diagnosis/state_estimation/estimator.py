@@ -99,7 +99,7 @@ class Smoothed:
 
 class StateEstimator:
     """The filter of one system. noise: per channel. latents: at inputs of the system, those at a port that has one
-    already behind all others. followed: states, by number."""
+    already behind all others. followed: states, by number. reached: (states,), see SampledSystem.along."""
 
     def __init__(
         self,
@@ -107,9 +107,11 @@ class StateEstimator:
         noise: Mapping[str, ChannelNoise],
         latents: Sequence[Latent],
         followed: Sequence[int],
+        reached: Array,
         segment: float = SEGMENT,
     ) -> None:
         self.sampled, self.latents, self.segment = sampled, tuple(latents), segment
+        self.reached = reached
         self.noise = [noise[channel] for channel in sampled.channels]
         self.followed = list(followed)
         self.ports = tuple(dict.fromkeys(latent.port for latent in latents))
@@ -123,17 +125,17 @@ class StateEstimator:
     def with_latents(self, latents: Sequence[Latent]) -> StateEstimator:
         """The same filter with other sizes and times of the latent forces."""
         return StateEstimator(self.sampled, dict(zip(self.sampled.channels, self.noise, strict=True)), latents,
-                              self.followed, self.segment)  # fmt: skip
+                              self.followed, self.reached, self.segment)  # fmt: skip
 
     def track(self, recording: Recording) -> Tracked:
-        """Filter a recording. SimulationError: a unit fails at an estimated state."""
+        """Filter a recording. SimulationError: a unit fails at an estimated state; LostError: of its kind."""
         time = recording.time - recording.time[0]
         x, d, z = self.sampled.start(recording.initial), np.zeros(len(self.latents)), np.zeros(self.N)
         P, (Q, R) = self._first_covariance(), self._noises(recording.step)
         recorded = np.column_stack([recording.outputs[c] for c in self.sampled.channels])
         room, likelihood = _Room(self, recorded, recording.step), 0.0
         ends = self._ends(recording)
-        with self.sampled.along(time, recording.inputs, self.ports) as runs:
+        with self.sampled.along(time, recording.inputs, self.reached, self.ports) as runs:
             for first, end in pairwise([0, *ends]):
                 faded = self._faded(d, time[first : end + 1])
                 piece = runs.run(x, slice(first, end + 1), self.entering(faded) if d.any() else None)

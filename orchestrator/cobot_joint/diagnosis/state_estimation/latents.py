@@ -27,11 +27,12 @@ STRETCH = 4.0  # s of a recording that they are estimated from
 class Structure:
     """What a system's free run says before filtering.
 
-    followed: states that a channel depends on, by number. latents: one per port that these channels tell apart. alike:
-    of such a port, the others it stands for.
+    followed: states that a channel depends on, by number. reached: (states,), their largest absolute values, no less
+    than nominal. latents: one per port that these channels tell apart. alike: of such a port, the others it stands for.
     """
 
     followed: list[int]
+    reached: Array
     latents: tuple[Latent, ...]
     alike: Mapping[str, tuple[str, ...]]
 
@@ -55,7 +56,8 @@ def structure(
             alike[ports[j]] = ()
         else:
             alike[ports[same]] += (ports[j],)
-    return Structure(followed, tuple(Latent(ports[j], FIRST / float(size[j])) for j in chosen), alike)
+    reached = np.maximum(np.abs(piece.x).max(axis=0), sampled.nominal)
+    return Structure(followed, reached, tuple(Latent(ports[j], FIRST / float(size[j])) for j in chosen), alike)
 
 
 def with_sizes(estimator: StateEstimator, tracked: Tracked, rounds: int = ROUNDS) -> StateEstimator:

@@ -21,6 +21,7 @@ from cobot_joint.diagnosis.plant.at_once import at_once
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.state_estimation.estimator import StateEstimator
 from cobot_joint.diagnosis.state_estimation.latents import structure, with_sizes
+from cobot_joint.diagnosis.state_estimation.native.restart import LostError
 from cobot_joint.diagnosis.state_estimation.noise import ChannelNoise
 from cobot_joint.diagnosis.state_estimation.sampled import SampledSystem
 from cobot_joint.diagnosis.state_estimation.states import states_of
@@ -109,19 +110,24 @@ def predict(
         time = recording.time - recording.time[0]
         whole = sampled.free(recording)
         known = structure(sampled, whole, ports, noise)
-        estimator = StateEstimator(sampled, noise, known.latents, known.followed)
-        tracked = estimator.track(recording)
-        tracked = with_sizes(estimator, tracked).refilter(tracked)
-        assert tracked.filtered.predicted is not None
         y = np.full((len(time), len(sampled.channels)), np.nan)
-        with sampled.along(time, recording.inputs) as runs:
-            for first, end in pieces(recording, horizon):
-                x = tracked.x[first].copy()
-                if first:  # else it is where the run begins
-                    z = tracked.reference[first] + tracked.filtered.predicted[first]
-                    x[estimator.followed] = z[estimator.x]
-                y[first:end] = runs.run(x, slice(first, end)).y
-        free = np.where(np.isfinite(y), whole.y, np.nan)
+        parts = pieces(recording, horizon)
+        try:
+            estimator = StateEstimator(sampled, noise, known.latents, known.followed, known.reached)
+            tracked = estimator.track(recording)
+            tracked = with_sizes(estimator, tracked).refilter(tracked)
+            assert tracked.filtered.predicted is not None
+            with sampled.along(time, recording.inputs, known.reached) as runs:
+                for first, end in parts:
+                    x = tracked.x[first].copy()
+                    if first:  # else it is where the run begins
+                        z = tracked.reference[first] + tracked.filtered.predicted[first]
+                        x[estimator.followed] = z[estimator.x]
+                    y[first:end] = runs.run(x, slice(first, end)).y
+        except LostError:
+            for first, end in parts:
+                y[first:end] = np.inf
+        free = np.where(np.isnan(y), np.nan, whole.y)
         channels = list(enumerate(sampled.channels))
         return Predicted({name: y[:, j] for j, name in channels}, {name: free[:, j] for j, name in channels})
 

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from cobot_joint.cosim import Experiment, Simulation
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.simulator import summed
-from cobot_joint.diagnosis.state_estimation.native.restart import Restarts, restarts
+from cobot_joint.diagnosis.state_estimation.native.restart import LostError, Restarts, restarts
 from cobot_joint.diagnosis.state_estimation.states import states_of, why_none
 from cobot_joint.errors import UserError
 from cobot_joint.system.model import Connection, Inputs, System, Value
 
 Array = NDArray[np.float64]
+FAR = 1e3  # times what a free run reaches: no machine gets there, and no filter comes back
 
 
 @dataclass(frozen=True)
@@ -122,15 +123,19 @@ class SampledSystem:
         return self.piece(time, table, inputs)
 
     @contextmanager
-    def along(self, time: Array, inputs: Mapping[str, Array], ports: Sequence[str] = ()) -> Iterator[Runs]:
-        """Runs along a recording. time: (n,), regular; ports: further inputs, 0 unless said."""
+    def along(
+        self, time: Array, inputs: Mapping[str, Array], reached: Array, ports: Sequence[str] = ()
+    ) -> Iterator[Runs]:
+        """Runs along a recording. time: (n,), regular; reached: (states,), absolute values that a free run reaches,
+        FAR times which a run is lost; ports: further inputs, 0 unless said."""
+        limits = np.concatenate([FAR * reached, np.full(len(self.layout.columns) - len(reached), np.inf)])
         if not restarts(self.simulation):
-            yield Runs(self, time, inputs, {})
+            yield Runs(self, time, inputs, {}, limits)
             return
         both = {**{port: np.zeros(len(time)) for port in ports}, **inputs}
         experiment = self._experiment(self.start({}), time, both)
-        with Restarts(self.simulation, experiment, [s.name for s in self.states]) as quick:
-            yield Runs(self, time, inputs, {port: list(both).index(port) for port in ports}, quick)
+        with Restarts(self.simulation, experiment, [s.name for s in self.states], limits) as quick:
+            yield Runs(self, time, inputs, {port: list(both).index(port) for port in ports}, limits, quick)
 
     def _experiment(self, x: Array, time: Array, inputs: Mapping[str, Array]) -> Experiment:
         step = float(time[-1] - time[0]) / (len(time) - 1)
@@ -189,19 +194,24 @@ class SampledSystem:
 @dataclass(frozen=True)
 class Runs:
     """Along a recording, from any of its samples. ports: further inputs -> their rows of `quick`, which runs without a
-    call per unit, where these units allow it."""
+    call per unit, where these units allow it. limits: (recorded signals,), absolute values at which a run is lost."""
 
     sampled: SampledSystem
     time: Array
     inputs: Mapping[str, Array]
     ports: Mapping[str, int]
+    limits: Array
     quick: Restarts | None = None
 
     def run(self, x: Array, rows: slice, entering: Mapping[str, Array] | None = None) -> Piece:
-        """From the states x at the first of the samples on, with signals at ports. SimulationError: a unit fails."""
+        """From the states x at the first of the samples on, with signals at ports. SimulationError: a unit fails;
+        LostError: the run goes beyond the limits."""
         inputs = summed({name: u[rows] for name, u in self.inputs.items()}, entering or {})
         if self.quick is None:
-            return self.sampled.run(x, self.time[rows], inputs)
+            piece = self.sampled.run(x, self.time[rows], inputs)
+            if (np.abs(piece.table) > self.limits).any():
+                raise LostError
+            return piece
         for port, k in self.ports.items():
             self.quick.samples[k, rows] = inputs.get(port, 0.0)
         table = self.quick.run(self.sampled.inside(x), rows.start, rows.stop - rows.start, bool(entering))

@@ -69,3 +69,27 @@ def test_a_set_value_is_not_taken_for_what_the_machine_did(name: str) -> None:
     column, none = Channel(name, "rad", np.zeros(0), np.zeros(0)), Connector("phi", "output", "rad")
     assert guess([column], {"phi": none}) == []
     assert [g.connector for g in guess([replace(column, name="PosAct")], {"phi": none})] == ["phi"]
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("n_rpm", "rpm"),
+        ("speed (rpm)", "rpm"),
+        ("speed in rad/s", "rad/s"),
+        ("w_deg_s", "deg/s"),
+        ("w (1)", None),
+        ("w_b", None),
+    ],
+)
+def test_a_unit_at_the_end_of_a_columns_name_is_that_columns(name: str, unit: str | None) -> None:
+    """`n_rpm` was drafted as rad/s."""
+    column, speed = Channel(name, None, np.zeros(0), np.zeros(0)), {"w": Connector("w", "output", "rad/s")}
+    assert [g.column.unit for g in guess([column], speed)] == [unit]
+
+
+def test_a_torque_in_lower_case_is_no_length() -> None:
+    column, torque = Channel("tau_nm", None, np.zeros(0), np.zeros(0)), Connector("tau", "output", "N.m")
+    (found,) = guess([column], {"tau": torque})
+    assert found.column.unit == "N.m"
+    assert found.why == "by its name; its unit by its name"

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
-from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import fit
 from cobot_joint.diagnosis.estimation.noise import Noise
 from cobot_joint.diagnosis.estimation.problem import Problem
@@ -36,3 +38,24 @@ def test_a_term_whose_size_may_be_none_is_no_claim(
     (finding,) = answer(problem, Explanation(base, found, selection, selection.selected)).findings
     assert (finding.confidence >= 0.5) == claimed
     assert ("its size may be none" in finding.limited_by) != claimed
+
+
+@pytest.mark.parametrize(("may_move", "w_S", "claimed"), [(False, 40.0, False), (False, 4.0, True), (True, 40.0, True)])
+def test_a_curve_that_bends_beyond_the_speeds_driven_is_no_claim_where_no_parameter_of_its_unit_may_move(
+    may_move: bool, w_S: float, claimed: bool
+) -> None:
+    """A pendulum's dry friction was Stribeck friction with 108 rad/s, of a campaign without tolerances."""
+    values = {"axis.stribeck.tau_S": 0.01, "axis.stribeck.w_S": w_S}
+    case, plant = campaign(values), Axis()
+    problem = Problem(plant, case.train, {"w": Noise(NOISE)})
+    free = tolerances(problem, {"axis.d": (1e-3, 3e-3)}) if may_move else ()
+    stribeck = next(t for t in TERMS if t.name == "axis.stribeck")
+    (w,) = stribeck.shapes
+    term = replace(stribeck, shapes=(replace(w, reached=30.0),))
+    base, found = fit(problem, Hypothesis(free)), fit(problem, Hypothesis(free, (ActiveTerm(term, values),)))
+    assert base is not None
+    assert found is not None
+    selection = Selection([base, found], [Selected("axis.stribeck", 1e5)])
+    (finding,) = answer(problem, Explanation(base, found, selection, selection.selected)).findings
+    assert (finding.confidence >= 0.5) == claimed
+    assert ("bends beyond the speeds driven" in finding.limited_by) != claimed

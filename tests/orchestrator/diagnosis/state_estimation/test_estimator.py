@@ -22,7 +22,7 @@ def sampled() -> Iterator[SampledSystem]:
 
 def smoothed(sampled: SampledSystem, recording: Recording) -> tuple[Structure, Tracked, Smoothed]:
     known = structure(sampled, sampled.free(recording), bench()[1], NOISE)
-    estimator = StateEstimator(sampled, NOISE, known.latents, known.followed)
+    estimator = StateEstimator(sampled, NOISE, known.latents, known.followed, known.reached)
     tracked = estimator.track(recording)
     estimator = with_sizes(estimator, tracked)
     tracked = estimator.refilter(tracked)
@@ -72,7 +72,7 @@ def test_a_gap_is_passed_over_and_widens_the_band(sampled: SampledSystem) -> Non
     outputs = {name: np.where(lost, np.nan, y) for name, y in whole.outputs.items()}
     recording = Recording("run", "train", "loaded", whole.time, whole.inputs, outputs, {})
     known = structure(sampled, sampled.free(recording), bench()[1], NOISE)
-    estimator = StateEstimator(sampled, NOISE, known.latents, known.followed)
+    estimator = StateEstimator(sampled, NOISE, known.latents, known.followed, known.reached)
     tracked = estimator.track(recording)
     found = estimator.smooth(tracked)
     assert np.all(np.isfinite(found.x))

@@ -30,7 +30,7 @@ def tracking(stack: ExitStack, values: Mapping[str, float], added: Mapping[str, 
     sampled = stack.enter_context(SampledSystem(bench()[0], list(SIGMA)))
     recording = recorded(run(values, added))
     known = structure(sampled, sampled.free(recording), bench()[1], NOISE)
-    estimator = StateEstimator(sampled, NOISE, known.latents, known.followed)
+    estimator = StateEstimator(sampled, NOISE, known.latents, known.followed, known.reached)
     tracked = estimator.track(recording)
     estimator = with_sizes(estimator, tracked)
     return Tracking(estimator, estimator.refilter(tracked))

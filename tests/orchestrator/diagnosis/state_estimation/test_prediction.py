@@ -10,6 +10,7 @@ import pytest
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.state_estimation import prediction
+from cobot_joint.diagnosis.state_estimation.native.restart import LostError
 from cobot_joint.diagnosis.state_estimation.noise import noise_of
 from cobot_joint.diagnosis.state_estimation.prediction import Predicted, Variant, pieces, predict, predicted_figures
 from cobot_joint.system.read import load_system
@@ -102,6 +103,16 @@ def test_where_a_filter_loses_its_way_the_free_run_counts_of_every_variant(monke
         assert (figures["right"], figures["lost"]) == pytest.approx((sigma, 2 * sigma))
         alone = predicted_figures([recording], {"right": found["right"]}, NOISE)[channel]
         assert alone["right"] == pytest.approx(0.0)
+
+
+def test_a_filter_that_is_lost_is_one_that_loses_its_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    recording = recorded(run(seconds=0.2))
+
+    def lost(*_: object) -> None:
+        raise LostError
+
+    monkeypatch.setattr(prediction.StateEstimator, "track", lost)
+    assert predict(recording, Variant(BASE), NOISE).lost(recording, NOISE)
 
 
 def test_a_unit_whose_states_cannot_be_set_has_no_prediction(axis: Path) -> None:

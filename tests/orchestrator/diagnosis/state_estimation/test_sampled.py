@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from time import monotonic
+
 import numpy as np
 import pytest
 
 from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis.state_estimation.linearisation import Lineariser
+from cobot_joint.diagnosis.state_estimation.native.restart import LostError
 from cobot_joint.diagnosis.state_estimation.sampled import SampledSystem
 from tests.orchestrator.diagnosis.state_estimation.rig import COGGING, SIGMA, bench, clock, inputs
+
+
+def anywhere(sampled: SampledSystem) -> np.ndarray:
+    """A run is never given up."""
+    return np.full(len(sampled.states), np.inf)
 
 
 def test_a_state_that_an_integrator_takes_past_its_bound_can_be_linearised_at() -> None:
@@ -30,7 +38,7 @@ def test_a_run_along_a_recording_is_that_run_on_its_own() -> None:
     given = inputs(time)
     with SampledSystem(bench()[0], list(SIGMA), COGGING, {"motor_bldc.cogging.A": 0.425}) as sampled:
         whole = sampled.run(sampled.start({}), time, given)
-        with sampled.along(time, given, [port]) as runs:
+        with sampled.along(time, given, anywhere(sampled), [port]) as runs:
             assert runs.quick is not None
             for rows in (slice(0, 51), slice(400, 451), slice(450, 501), slice(700, 1001)):
                 for added in (None, {port: 1e-3 * np.exp(-time[rows] / 0.05)}):
@@ -50,26 +58,52 @@ def test_what_enters_where_a_recorded_torque_does_comes_on_top_of_it() -> None:
         both = sampled.run(x, time, {**given, port: given[port] + more}).y
         as_recorded = sampled.run(x, time, given).y
         assert np.abs(both - as_recorded).max() > 1e-3
-        with sampled.along(time, given, [port]) as runs:
+        with sampled.along(time, given, anywhere(sampled), [port]) as runs:
             np.testing.assert_allclose(runs.run(x, every, {port: more}).y, both, atol=1e-6)
             np.testing.assert_allclose(runs.run(x, every).y, as_recorded, atol=1e-6)
 
 
 def test_a_unit_that_fails_along_a_recording_says_so() -> None:
     time = clock(0.2)
-    with SampledSystem(bench()[0], list(SIGMA)) as sampled, sampled.along(time, inputs(time)) as runs:
+    with (
+        SampledSystem(bench()[0], list(SIGMA)) as sampled,
+        sampled.along(time, inputs(time), anywhere(sampled)) as runs,
+    ):
         x = sampled.start({})
         assert np.isfinite(runs.run(x, slice(0, 51)).table).all()
         with pytest.raises(SimulationError, match="motor_bldc"):
             runs.run(np.where([s.name == "motor_bldc.w" for s in sampled.states], np.nan, x), slice(0, 51))
 
 
+@pytest.mark.parametrize("isolated", [False, True])
+def test_a_run_from_an_estimate_that_is_lost_is_given_up(isolated: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A gear that stiffens, set 18 rad outside of its gap, flies apart: each such piece took twenty seconds, and a
+    recording has hundreds (field/open/case08)."""
+    if isolated:
+        monkeypatch.setenv("COBOT_JOINT_ISOLATE", "all")
+    time = clock(0.1)
+    with SampledSystem(bench()[0], list(SIGMA), {"planetary_gear.stiffness_hardening.h": 275.0}) as sampled:
+        reached = np.maximum(np.abs(sampled.run(sampled.start({}), time, inputs(time)).x).max(axis=0), sampled.nominal)
+        names, begun = [s.name for s in sampled.states], monotonic()
+        x = np.where([name == "planetary_gear.phi_o" for name in names], 18.0, sampled.start({}))
+        rows = slice(0, 2 if isolated else 51)  # of a unit on its own the run is judged when it has come to its end
+        with sampled.along(time, inputs(time), reached) as runs, pytest.raises(LostError):
+            runs.run(x, rows)
+        assert monotonic() - begun < 5
+
+
 def test_a_system_with_a_unit_in_its_own_process_is_followed_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
     """Only slower: such a unit is begun by the runs of the co-simulation."""
     time = clock(0.1)
-    with SampledSystem(bench()[0], list(SIGMA)) as sampled, sampled.along(time, inputs(time)) as runs:
+    with (
+        SampledSystem(bench()[0], list(SIGMA)) as sampled,
+        sampled.along(time, inputs(time), anywhere(sampled)) as runs,
+    ):
         quick = runs.run(sampled.start({}), slice(20, 71))
     monkeypatch.setenv("COBOT_JOINT_ISOLATE", "all")
-    with SampledSystem(bench()[0], list(SIGMA)) as sampled, sampled.along(time, inputs(time)) as runs:
+    with (
+        SampledSystem(bench()[0], list(SIGMA)) as sampled,
+        sampled.along(time, inputs(time), anywhere(sampled)) as runs,
+    ):
         assert runs.quick is None
         np.testing.assert_allclose(runs.run(sampled.start({}), slice(20, 71)).y, quick.y, atol=1e-9)

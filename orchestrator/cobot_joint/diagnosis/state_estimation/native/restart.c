@@ -123,8 +123,10 @@ int restart_run(Restart *r, Master *m, const RestartRun *run, double *table) {
   m->plan.samples = run->samples;
   m->plan.breaks = run->breaks;
   m->plan.n_breaks = run->n_breaks;
+  m->plan.limits = run->limits;
+  m->beyond = false;
   int status = initialise(r, run, time_of(m, run->first * m->plan.ticks_per_record), last);
   if (status == 0) status = advance(r, m, run, table);
   free(last);
-  return status;
+  return m->beyond ? -3 : status;
 }

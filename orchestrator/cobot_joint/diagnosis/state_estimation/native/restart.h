@@ -63,9 +63,10 @@ typedef struct { /* one run: from the row `first`, tick = first ticks_per_record
   const double *samples; /* as in Plan, of the whole clock */
   const int64_t *breaks;
   size_t n_breaks;
+  const double *limits; /* as in Plan */
 } RestartRun;
 
-/* table: [rows][n_recorded], filled. 0; -1: a unit refuses; -2: out of memory */
+/* table: [rows][n_recorded], filled. 0; -1: a unit refuses; -2: out of memory; -3: beyond the limits */
 COSIM_API int restart_run(Restart *r, Master *m, const RestartRun *run, double *table);
 
 #endif

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.cosim import Experiment, Simulation, isolation, library, native
+from cobot_joint.cosim import Experiment, Simulation, SimulationError, isolation, library, native
 from cobot_joint.cosim.clock import turns
 from cobot_joint.cosim.instances import check_parameters
 from cobot_joint.system.model import Connection
@@ -20,6 +20,13 @@ Array = NDArray[np.float64]
 TYPES = {"Real": 0, "Integer": 1, "Enumeration": 1, "Boolean": 2}
 _FUNCTIONS = ("Reset", "SetupExperiment", "EnterInitializationMode", "ExitInitializationMode", "SetReal", "SetInteger",
               "SetBoolean", "GetReal", "GetInteger", "GetBoolean")  # fmt: skip
+
+
+class LostError(SimulationError):
+    """A run from an estimated state goes far beyond all that was recorded: the estimate is lost."""
+
+    def __init__(self) -> None:
+        super().__init__("a run from an estimated state goes far beyond what was recorded")
 
 
 class _Unit(ctypes.Structure):
@@ -61,6 +68,7 @@ class _Run(ctypes.Structure):
         *((f, c_int64) for f in ("first", "rows")),
         *((f, c_void_p) for f in ("x", "u", "samples", "breaks")),
         ("n_breaks", c_size_t),
+        ("limits", c_void_p),
     ]
 
 
@@ -76,10 +84,13 @@ class Restarts:
     """Of an experiment, from other states than those among its parameters and with other values of some inputs. A
     context manager; meanwhile the simulation may make other runs.
 
-    states: `component.variable`, in order. SimulationError, UserError: the experiment cannot be begun.
+    states: `component.variable`, in order; limits: (recorded signals,), absolute values at which a run is given up: a
+    gear that is set far outside of its gap takes millions of steps. SimulationError, UserError: the experiment cannot
+    be begun.
     """
 
-    def __init__(self, simulation: Simulation, experiment: Experiment, states: Sequence[str]) -> None:
+    def __init__(self, simulation: Simulation, experiment: Experiment, states: Sequence[str], limits: Array) -> None:
+        self._limits = np.ascontiguousarray(limits, dtype=np.float64)
         self._simulation, self._inputs = simulation, experiment.inputs
         self._instances = list(simulation.instances.values())
         self._numbers = {instance.name: k for k, instance in enumerate(self._instances)}
@@ -99,13 +110,14 @@ class Restarts:
 
     def run(self, x: Array, first: int, rows: int, bent: bool) -> Array:
         """(rows, recorded), from the row `first` on, as `samples` has the inputs then; bent: whether these turn at
-        every row, else as they did in the experiment. SimulationError: a unit fails."""
+        every row, else as they did in the experiment. SimulationError: a unit fails; LostError: it is given up."""
         master = self._run.master
         assert isinstance(master, native.Master)
         table = np.empty((rows, len(self._run.names)))
         x, u = np.ascontiguousarray(x, dtype=np.float64), np.ascontiguousarray(self.samples[:, first])
         breaks = self._all_rows if bent else self._turns
-        run = _Run(first, rows, x.ctypes.data, u.ctypes.data, self.samples.ctypes.data, breaks.ctypes.data, len(breaks))
+        run = _Run(first, rows, x.ctypes.data, u.ctypes.data, self.samples.ctypes.data, breaks.ctypes.data,
+                   len(breaks), self._limits.ctypes.data)  # fmt: skip
         for unit, instance in zip(self._units, self._instances, strict=True):
             unit.component = instance.fmu.component
         status = _typed_library().restart_run(
@@ -113,6 +125,8 @@ class Restarts:
         )
         if status == -2:
             raise MemoryError("a run")
+        if status == -3:
+            raise LostError
         if status and self._restart.failed < 0:
             master._check(status)
         if status:

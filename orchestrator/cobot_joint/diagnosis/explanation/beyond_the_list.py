@@ -17,8 +17,9 @@ from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.estimation.calibrate import basis
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem
-from cobot_joint.diagnosis.explanation.closed_loop import chi2_in_closed_loop, without_waves
+from cobot_joint.diagnosis.explanation.closed_loop import chi2_in_closed_loop
 from cobot_joint.diagnosis.explanation.explanation import Explanation, sure_beside_background
+from cobot_joint.diagnosis.explanation.waves import wave_alone, without_waves
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.selection.elimination import prune, worth_naming
 from cobot_joint.diagnosis.selection.outside import Outside
@@ -215,7 +216,20 @@ class BeyondTheList:
         same = {s.term for s in both[1]} == {s.term for s in self.listed.selected}
         claimed = min((both[0], self.listed.fit) if same else both[:1], key=attrgetter("cost"))
         before, left = remains(self.problem, self.calibrated, claimed)
-        return left < (1 - thresholds.HOLDS) * before and formula.outdoes(self.problem, claimed)
+        less = left < (1 - thresholds.HOLDS) * before and formula.outdoes(self.problem, claimed)
+        return less and not self._is_the_claimed_wave(formula, found)
+
+    def _is_the_claimed_wave(self, formula: Unmodelled, found: Search | None) -> bool:
+        """Whether a formula is the one wave that the motion claims, and what else it has does not account for its
+        freedom: a listed term that does as well goes before, though free runs lose its angle (field/open/case04)."""
+        (named, *more) = found.named if found and found.named else (None,)
+        if named is None or more or named.candidate.term.phase is None or not formula.is_formula:
+            return False
+        term, values = named.candidate.term, named.candidate.values
+        order = next((values[shape.name] for shape in term.shapes if shape.whole), 0.0)
+        alike = {name.split(".")[0] for name in (formula.finding.term, *formula.finding.equivalent)}
+        alone = wave_alone(self.problem, formula, order) if term.component in alike else None
+        return alone is not None and not formula.outdoes(self.problem, alone)
 
     def _claimed_freely(self, found: Search) -> tuple[Fit, list[Selected]] | None:
         """All that the motion names, fitted to free runs, once; None: some of it does not help them."""
@@ -227,9 +241,11 @@ class BeyondTheList:
 
     def _beside_the_claimed(self, found: Search) -> Explanation | None:
         """What the motion names, and a formula where free runs with all of it leave what stands out: along the motion
-        none is looked for."""
+        none is looked for. Not where it takes next to nothing of them: what they leave is then its own, its angle lost.
+        """
         both = self._claimed_freely(found)
-        if both is None:
+        above = self.calibrated.chi2 - self.problem.samples
+        if both is None or self.calibrated.cost - both[0].cost < thresholds.WORTH * above:
             return None
         claimed = replace(self.listed.up_to(0), history=[self.calibrated, both[0]], selected=both[1])
         out = self.problem.stands_out(both[0].residual)

@@ -36,16 +36,6 @@ def chi2_in_closed_loop(problem: Problem, systems: Mapping[str, System], found: 
     return float(np.sum((problem.recorded - simulated.white) ** 2)) if simulated else None
 
 
-def without_waves(found: Unmodelled) -> Unmodelled | None:
-    """The formula without what goes by an angle; None: nothing is left of it."""
-    shape = found.finding.shape
-    assert shape is not None
-    rest = tuple(f for f in shape.features if not any(factor.function in ("sin", "cos") for factor in f.form.factors))
-    if not rest:
-        return None
-    return replace(found, finding=replace(found.finding, shape=replace(shape, features=rest)))
-
-
 def _made(folder: Path) -> Path:
     folder.mkdir()
     return folder

@@ -301,12 +301,17 @@ def test_a_term_and_a_form_are_not_looked_for_together_where(why: str, monkeypat
 
 
 @pytest.mark.parametrize(
-    ("names", "stands_out", "both"),
-    [(["axis.windage"], True, True), (["axis.windage"], False, False), (["axis.windage", "axis.d"], True, False)],
-    ids=["all that it names", "nothing stands out", "more than free runs have"],
+    ("names", "stands_out", "takes", "both"),
+    [
+        (["axis.windage"], True, 0.5, True),
+        (["axis.windage"], False, 0.5, False),
+        (["axis.windage", "axis.d"], True, 0.5, False),
+        (["axis.windage"], True, 0.05, False),
+    ],
+    ids=["all that it names", "nothing stands out", "more than free runs have", "free runs have lost its angle"],
 )
 def test_beside_what_the_motion_names_a_formula_is_looked_for_where_free_runs_with_it_leave_what_stands_out(
-    names: list[str], stands_out: bool, both: bool, monkeypatch: pytest.MonkeyPatch
+    names: list[str], stands_out: bool, takes: float, both: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Rough places of a motor beside a sensor's ripple (machine 127/7), 16 and 19 times the background, were missed."""
     claimed = Selected("axis.windage", 1e4)
@@ -317,7 +322,8 @@ def test_beside_what_the_motion_names_a_formula_is_looked_for_where_free_runs_wi
         active = ActiveTerm(next(t for t in Axis().terms if t.name == claimed.term), {"axis.windage.c": 1e-6})
         on = listed.fit.hypothesis.with_effects(active)
         fit = replace(listed.fit, hypothesis=on, x=np.append(listed.fit.x, active.start()))
-        return replace(fit, jacobian=np.ones((len(fit.residual), len(fit.x)))), [claimed]
+        chi2 = listed.fit.chi2 - takes * (listed.fit.chi2 - problem.samples)
+        return replace(fit, chi2=chi2, jacobian=np.ones((len(fit.residual), len(fit.x)))), [claimed]
 
     search = Search(named=[cast(Named, SimpleNamespace(name=name, alike=(), shows=True)) for name in names])
     monkeypatch.setattr(beyond, "can_follow", lambda campaign, plant: True)

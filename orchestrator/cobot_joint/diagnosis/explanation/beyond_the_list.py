@@ -7,8 +7,6 @@ from dataclasses import replace
 from functools import partial
 from operator import attrgetter
 
-import numpy as np
-
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.follow import can_follow, follow, motion_is_given, where_it_lies
 from cobot_joint.diagnosis.anchored.free_runs import beside_listed, felt, freely
@@ -19,7 +17,7 @@ from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.explanation.closed_loop import chi2_in_closed_loop
 from cobot_joint.diagnosis.explanation.explanation import Explanation, sure_beside_background
-from cobot_joint.diagnosis.explanation.waves import wave_alone, without_waves
+from cobot_joint.diagnosis.explanation.waves import repeats, wave_alone, without_waves
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.selection.elimination import prune, worth_naming
 from cobot_joint.diagnosis.selection.outside import Outside
@@ -272,18 +270,6 @@ class BeyondTheList:
         asked = self.given and self.much and self.follows and not self.takes_most
         rest = self.spend("where the rest lies", lies) if asked else None
         return Explanation(self.calibrated, kept.fit, listed, kept.selected, background=rest or [], rival=rival)
-
-
-def repeats(formula: Unmodelled, found: Search) -> bool:
-    """Whether it is a wave that the motion has named, in the phase that free runs have lost: orders of that unit alone,
-    and nothing else."""
-    shape = formula.finding.shape
-    if shape is None or not shape.features or any(len(f.form.factors) != 1 for f in shape.features):
-        return False
-    factors = [f.form.factors[0] for f in shape.features]
-    unit = f"{formula.finding.component}."
-    orders = [v.value for name, v in found.repaired.items() if name.startswith(unit) and name.endswith(".n")]
-    return all(x.function in ("sin", "cos") and any(np.isclose(x.p, n, rtol=0.01) for n in orders) for x in factors)
 
 
 def staying(formula: Unmodelled | None) -> set[str]:

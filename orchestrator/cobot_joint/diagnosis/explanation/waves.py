@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from cobot_joint.diagnosis.anchored.search import Search
 from cobot_joint.diagnosis.estimation.effects import PortSignal
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.least_squares import fit
@@ -12,7 +13,7 @@ from cobot_joint.diagnosis.findings import Feature
 from cobot_joint.diagnosis.selection.competition import finished
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 
-SAME = 0.02  # share by which two orders may differ and be one: an angle is followed over tens of turns
+SAME = 0.01  # share by which two orders may differ and be one: an angle is followed over tens of turns
 WAVES = ("sin", "cos")
 
 
@@ -42,6 +43,15 @@ def wave_alone(problem: Problem, found: Unmodelled, order: float) -> Fit | None:
     left = {c.names[0] for c in less.coordinates}
     kept = [k for k, c in enumerate(at.hypothesis.coordinates) if c.names[0] in left]
     return fit(problem, less, at.x[kept], at.jacobian[:, kept], finished(1))
+
+
+def repeats(formula: Unmodelled, found: Search) -> bool:
+    """Whether it is a wave that the motion has named, in the phase that free runs have lost: orders of that unit alone,
+    and nothing else."""
+    shape, unit = formula.finding.shape, f"{formula.finding.component}."
+    orders = [v.value for name, v in found.repaired.items() if name.startswith(unit) and name.endswith(".n")]
+    features = shape.features if shape is not None else ()
+    return bool(features) and all(any(_is_wave(f, order) for order in orders) for f in features)
 
 
 def _is_wave(feature: Feature, order: float) -> bool:

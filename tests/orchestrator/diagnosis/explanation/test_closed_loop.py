@@ -19,9 +19,9 @@ from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.noise import Noise
 from cobot_joint.diagnosis.estimation.problem import Problem, Run
-from cobot_joint.diagnosis.explanation.beyond_the_list import BeyondTheList, repeats
+from cobot_joint.diagnosis.explanation.beyond_the_list import BeyondTheList
 from cobot_joint.diagnosis.explanation.closed_loop import chi2_in_closed_loop
-from cobot_joint.diagnosis.explanation.waves import without_waves
+from cobot_joint.diagnosis.explanation.waves import repeats, without_waves
 from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.plant.correction import Factor, Product, formula_parameters
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant

@@ -62,3 +62,15 @@ def test_numbers_of_whole_nanoseconds_since_1970_are_read(tmp_path: Path) -> Non
     (tmp_path / "a.csv").write_text("t [ns],w\n" + rows)
     (channel,) = read_log(tmp_path / "a.csv").channels
     assert np.allclose(np.diff(channel.time), 1e-3, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [("timestamp_ms", 1e-3), ("Time ms", 1e-3), ("elapsed_us", 1e-6), ("timestamp_ns", 1e-9), ("t", 1.0)],
+)
+def test_a_clocks_name_may_end_with_its_unit(name: str, unit: float, tmp_path: Path) -> None:
+    """`timestamp_ms` was no clock, and neither were nanoseconds, as robots log them."""
+    time = np.arange(50) * 0.004
+    np.savetxt(tmp_path / "a.csv", np.column_stack([time / unit, time]), delimiter=",", header=f"{name},w", comments="")
+    (w,) = read_log(tmp_path / "a.csv").channels
+    np.testing.assert_allclose(w.time, time, atol=1e-9)

@@ -87,7 +87,7 @@ typedef struct {
   const double *samples;     /* [n_inputs][n_samples] */
   size_t n_recorded;
   const Wire *recorded;
-  const double *limits; /* [n_recorded]: a run that records more, in absolute value, is given up; NULL: none */
+  const double *limits; /* [n_recorded]: a run that is found beyond them, in absolute value, is given up; NULL: none */
   double start_time, step;
   int64_t ticks_per_record; /* a row is recorded at every multiple */
   int64_t max_stride;       /* longest step in ticks: a power of two; 1 unless the scheme is adaptive */

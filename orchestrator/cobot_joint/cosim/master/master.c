@@ -8,6 +8,7 @@
  */
 #include <math.h>
 #include <stdbool.h>
+#include <stdio.h>
 #include <stdlib.h>
 
 #include "master/master.h"
@@ -240,7 +241,10 @@ int cosim_record(Master *m, double *row) {
     row[j] = wire->factor * y + wire->offset;
     if (m->plan.limits && !(fabs(row[j]) <= m->plan.limits[j])) m->beyond = true;
   }
-  if (m->beyond) return -1;
+  if (m->beyond) {
+    snprintf(m->message, sizeof m->message, "what is recorded at %g s is beyond its limits", t);
+    return -1;
+  }
   m->rows++;
   return 0;
 }

@@ -33,8 +33,7 @@ FIRST = 4  # candidates whose onsets are looked at
 TRIED = 5  # of those best ranked
 POINTED = 20  # of those that a later look is confined to: what is far behind now stays there
 # of the logarithm of the odds: by the decimal logarithm of the evidence in nats, by the next best term's share of it;
-# even odds at 25: by hand, above the false findings of some twenty drawn machines; to be fitted to a count
-# (background_count.py)
+# even at 25 nats, above the false findings of some twenty drawn machines; docs/diagnosis-calibration.md counts them
 INTERCEPT, COEFFICIENT, NEXT_BEST = -3.75, 2.7, -1.0
 MOST = 0.97
 PROBED = 0.3  # of the noise, that a run is moved by where a term's answer is taken from runs
@@ -124,9 +123,7 @@ class Searcher:
 
     def search(self, start: Mapping[str, float]) -> Search:
         """From the base model as free runs have it re-fitted (start), or as it is, where that is more likely.
-
-        SimulationError: the recordings cannot be followed.
-        """
+        SimulationError: the recordings cannot be followed."""
         found, at = self._begun(start)
         at = self._settle(found, SETTLE, at)
         found.calibrated = self._estimates(found, at)
@@ -141,8 +138,7 @@ class Searcher:
         return found
 
     def background(self, values: Mapping[str, float], onsets: Mapping[str, float]) -> list[dict[str, object]]:
-        """What the system with these values, some from an onset on, leaves, without a search. SimulationError: as
-        above."""
+        """What the system with these values, some from an onset on, leaves. SimulationError: as above."""
         return left_over(self._follow(Search(dict(values), dict(onsets))), self.plant, self.tracker.alike)
 
     def _begun(self, start: Mapping[str, float]) -> tuple[Search, Beside]:
@@ -152,8 +148,8 @@ class Searcher:
         as_it_is = self._follow(nominal)
         if not refitted.values:
             return nominal, as_it_is
-        at = self._follow(refitted)
-        if at.gain_over(as_it_is) > 0:
+        at = self._tried(refitted)
+        if at is not None and at.gain_over(as_it_is) > 0:
             return refitted, at
         return nominal, self._follow(nominal)  # the first time is closed by what follows
 
@@ -205,15 +201,22 @@ class Searcher:
             for name, (off, _) in at.corrections.items():
                 found.values[name] = self._moved(found, name, off)
             self.say(f"following the recordings, {n + 2} of {most + 1} at most")
-            then = self._follow(found)
-            more = then.gain_over(at)
-            if more < -thresholds.ANCHORED_EVIDENCE:  # too far for what is linear
-                found.values = before
+            then = self._tried(found)
+            if then is None or (more := then.gain_over(at)) < -thresholds.ANCHORED_EVIDENCE:
+                found.values = before  # too far for what is linear
                 return at
             at, before = then, dict(found.values)
             if more < enough:
                 break
         return at
+
+    def _tried(self, found: Search) -> Beside | None:
+        """Followed; None: no recording can be with these values, which other ones went before."""
+        try:
+            return self._follow(found)
+        except SimulationError as error:
+            self.say(f"such values cannot be followed: {error}")
+            return None
 
     def _follow(self, found: Search) -> Beside:
         trackings = self.tracker.follow(found.values, found.onsets)
@@ -352,9 +355,8 @@ class Searcher:
         candidate, term = named.candidate, named.candidate.term
         if candidate.by_runs:
             return replace(found, linear=[*found.linear, candidate], named=[*found.named, named])
-        own = {term.amplitude: (term.lower, term.upper)} | {
-            s.name: (s.lower, s.upper) for s in term.shapes if not s.whole
-        }
+        shapes = {s.name: (s.lower, s.upper) for s in term.shapes if not s.whole}
+        own = {term.amplitude: (term.lower, term.upper), **shapes}
         own |= {term.phase: (-np.inf, np.inf)} if term.phase is not None else {}
         late = {term.amplitude: candidate.onset} if candidate.onset is not None else {}
         return replace(

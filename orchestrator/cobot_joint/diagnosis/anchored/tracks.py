@@ -7,6 +7,9 @@ from contextlib import ExitStack
 from dataclasses import replace
 from types import TracebackType
 
+import numpy as np
+from numpy.typing import NDArray
+
 from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.at_once import at_once
@@ -30,6 +33,7 @@ class Tracker:
         self.plant, self.recordings, self.noise = plant, list(recordings), noise
         self._structures: dict[str, Structure] = {}  # by set-up
         self._latents: dict[str, tuple[Latent, ...]] = {}  # by recording
+        self._reached: dict[str, NDArray[np.float64]] = {}  # by recording: Structure has that of one
         self._systems, self._before = ExitStack(), ExitStack()
 
     def __enter__(self) -> Tracker:
@@ -102,7 +106,11 @@ class Tracker:
         sampled = self._systems.enter_context(self._sampled(recording, values, onsets))
         known, before = self._structures[recording.setup], self._latents.get(recording.name)
         both = (*known.latents, *(replace(latent, tau=SLOW) for latent in known.latents))
-        estimator = StateEstimator(sampled, self.noise, before or both, known.followed, known.reached)
+        reached = self._reached.get(recording.name)
+        if reached is None:  # a machine that stands in one run turns a thousand times in another
+            own = np.abs(sampled.free(recording).x).max(axis=0)
+            reached = self._reached[recording.name] = np.maximum(known.reached, own)
+        estimator = StateEstimator(sampled, self.noise, before or both, known.followed, reached)
         tracked = estimator.track(recording)
         estimator = _likely(estimator, tracked, AGAIN if before else FIRST)
         if not before:  # the first sizes are a guess: so was where it led

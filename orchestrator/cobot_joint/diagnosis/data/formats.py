@@ -20,8 +20,9 @@ from cobot_joint.diagnosis.data.nested import matlab_hdf5, ros2_bag
 from cobot_joint.diagnosis.data.quantity import convert, is_duration, split_header
 from cobot_joint.errors import UserError, among
 
-TIME_NAMES = ("time", "t", "timestamp", "timestamps", "loop_time", "zeit", "elapsed", "elapsed_time")
-TIME_UNIT = re.compile(r"_(s|ms|us|ns)$")  # at the end of such a name
+TIME = ("time", "t", "timestamp", "timestamps", "loop_time", "zeit", "elapsed", "elapsed_time")
+TIME_UNITS = ("s", "ms", "us", "ns")  # at the end of such a name
+TIME_NAMES = (*TIME, *(f"{name}_{unit}" for unit in TIME_UNITS for name in TIME))  # the likelier one first
 ROWS = 16  # a matrix of more rows is a picture or a table of its own
 
 
@@ -269,7 +270,6 @@ def _clock_name(path: Path, names: list[str], durations: list[str], time: str | 
         raise UserError(f"{path}: time = {time!r} is given, columns are {among(names)}{nearest(wanted, names)}")
     for usual in TIME_NAMES:
         found = [n for n in names if n.lower().replace(" ", "_") == usual]
-        found = found or [n for n in names if TIME_UNIT.sub("", n.lower().replace(" ", "_")) == usual]
         found = found or [n for n in names if n.lower().endswith((f".{usual}", f"/{usual}"))]
         if len(found) == 1:
             return found[0]
@@ -285,7 +285,7 @@ def _clock_name(path: Path, names: list[str], durations: list[str], time: str | 
 
 def _seconds(path: Path, clock: Raw, time: str | None) -> NDArray[np.float64]:
     stated = split_header(time)[1] if time else None
-    named = TIME_UNIT.search(clock.name.lower().replace(" ", "_"))
+    named = re.search(f"[_ ]({'|'.join(TIME_UNITS)})$", clock.name.lower())
     unit = clock.unit or stated or (named[1] if named else None)
     assert not isinstance(clock.values, str)
     return np.asarray(convert(clock.values, unit, "s", f"{path}: column {clock.header!r}")[0])

@@ -27,10 +27,10 @@ WORDS = {
 # units at the end of a name, as identifiers have them: `n_rpm`
 SUFFIXES = {
     "rpm": "rpm", "rad": "rad", "mrad": "mrad", "deg": "deg", "rad_s": "rad/s", "rads": "rad/s", "radps": "rad/s",
-    "deg_s": "deg/s", "degs": "deg/s", "dps": "deg/s", "nm": "N.m", "mnm": "mN.m", "ncm": "N.cm", "ma": "mA",
-    "mv": "mV", "mm": "mm", "um": "um", "mm_s": "mm/s",
+    "deg_s": "deg/s", "degs": "deg/s", "dps": "deg/s", "nm": "N.m", "mnm": "mN.m", "ncm": "N.cm", "mA": "mA",
+    "mV": "mV", "mm": "mm", "um": "um", "mm_s": "mm/s",
 }  # fmt: skip
-IN_WORDS = re.compile(r"\((?P<bracket>[^()\d][^()]*)\)$|\s(?:in\s|/\s)(?P<word>\S+)$")
+IN_WORDS = re.compile(r"\((?!\d+\))(?P<bracket>[^()]+)\)$|\s(?:in\s|/\s)(?P<word>\S+)$")
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,8 @@ def is_command(name: str) -> bool:
 def with_named_unit(column: Channel, connectors: Iterable[Connector]) -> Channel:
     """With the unit that its name ends with, where its header has none and a connector takes it: `n_rpm`,
     `torque (Nm)`, `speed in rad/s`."""
-    name = column.name.lower()
-    ends = [unit for suffix, unit in SUFFIXES.items() if name.endswith("_" + suffix)]
+    names = column.name, column.name.lower()
+    ends = [unit for suffix, unit in SUFFIXES.items() if any(name.endswith("_" + suffix) for name in names)]
     if words := IN_WORDS.search(column.name):
         ends.append(words["bracket"] or words["word"])
     fitting = (u for u in ends if is_unit(u) and any(c.unit and _converts(u, c.unit) for c in connectors))

@@ -223,10 +223,13 @@ class BeyondTheList:
         (named, *more) = found.named if found and found.named else (None,)
         if named is None or more or named.candidate.term.phase is None or not formula.is_formula:
             return False
-        term, values = named.candidate.term, named.candidate.values
-        order = next((values[shape.name] for shape in term.shapes if shape.whole), 0.0)
+        term, values, shape = named.candidate.term, named.candidate.values, formula.finding.shape
+        orders = [values[scanned.name] for scanned in term.shapes if scanned.whole]
         alike = {name.split(".")[0] for name in (formula.finding.term, *formula.finding.equivalent)}
-        alone = wave_alone(self.problem, formula, order) if term.component in alike else None
+        plain = (
+            shape is not None and shape.unit == term.unit and len(orders) == len(term.shapes) == 1
+        )  # ripple goes by a current
+        alone = wave_alone(self.problem, formula, orders[0]) if plain and term.component in alike else None
         return alone is not None and not formula.outdoes(self.problem, alone)
 
     def _claimed_freely(self, found: Search) -> tuple[Fit, list[Selected]] | None:

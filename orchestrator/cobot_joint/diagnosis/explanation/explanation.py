@@ -177,9 +177,10 @@ def _finding(
 
 
 def _may_be_a_parameter(fit: Fit, active: ActiveTerm) -> bool:
-    """Whether it acts as a base parameter of its unit would, none of which may move: on a pendulum whose speed stays
-    below 5 rad/s a Stribeck friction of 108 rad/s is dry friction."""
-    beyond = any(active.values[shape.name] > shape.reached for shape in active.term.shapes)
+    """Whether, as fitted, it acts as a base parameter of its unit would, none of which may move: on a pendulum whose
+    speed stays below 5 rad/s a Stribeck friction of 108 rad/s is dry friction."""
+    values = next(a.values for a in fit.settled().hypothesis.terms if a.name == active.name)
+    beyond = any(values[shape.name] > shape.reached for shape in active.term.shapes)
     return beyond and all(base.component != active.component for base in fit.hypothesis.base)
 
 

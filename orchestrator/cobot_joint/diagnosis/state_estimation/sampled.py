@@ -209,7 +209,7 @@ class Runs:
         inputs = summed({name: u[rows] for name, u in self.inputs.items()}, entering or {})
         if self.quick is None:
             piece = self.sampled.run(x, self.time[rows], inputs)
-            if (np.abs(piece.table) > self.limits).any():
+            if not (np.abs(piece.table) <= self.limits).all():  # nor is it a number
                 raise LostError
             return piece
         for port, k in self.ports.items():

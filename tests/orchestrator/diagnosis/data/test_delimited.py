@@ -74,3 +74,20 @@ def test_a_clocks_name_may_end_with_its_unit(name: str, unit: float, tmp_path: P
     np.savetxt(tmp_path / "a.csv", np.column_stack([time / unit, time]), delimiter=",", header=f"{name},w", comments="")
     (w,) = read_log(tmp_path / "a.csv").channels
     np.testing.assert_allclose(w.time, time, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("header", "clock"),
+    [
+        ("timestamp,T_s,w", "timestamp"),
+        ("timestamp,t_us,w", "timestamp"),
+        ("t,time_ms,w", "t"),
+        ("time_ms,time_s,w", "time_s"),
+        ("w,x,log.t_ms", "log.t_ms"),
+    ],
+)
+def test_of_columns_that_could_be_the_clock_the_likelier_is(header: str, clock: str, tmp_path: Path) -> None:
+    """A stator's temperature `T_s` is none where there is a `timestamp`."""
+    table = np.column_stack([np.arange(50) * 0.004 * (1 + k) for k in range(3)])
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header=header, comments="")
+    assert read_log(tmp_path / "a.csv").clock == clock

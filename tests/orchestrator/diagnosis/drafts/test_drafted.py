@@ -78,6 +78,7 @@ def test_a_set_value_is_not_taken_for_what_the_machine_did(name: str) -> None:
         ("speed (rpm)", "rpm"),
         ("speed in rad/s", "rad/s"),
         ("w_deg_s", "deg/s"),
+        ("speed (1/min)", "1/min"),
         ("w (1)", None),
         ("w_b", None),
     ],
@@ -86,6 +87,12 @@ def test_a_unit_at_the_end_of_a_columns_name_is_that_columns(name: str, unit: st
     """`n_rpm` was drafted as rad/s."""
     column, speed = Channel(name, None, np.zeros(0), np.zeros(0)), {"w": Connector("w", "output", "rad/s")}
     assert [g.column.unit for g in guess([column], speed)] == [unit]
+
+
+def test_a_moving_average_is_no_milliampere() -> None:
+    current = {"i_motor": Connector("i_motor", "output", "A")}
+    found = [guess([Channel(name, None, np.zeros(0), np.zeros(0))], current) for name in ("i_motor_ma", "i_motor_mA")]
+    assert [g.column.unit for (g,) in found] == [None, "mA"]
 
 
 def test_a_torque_in_lower_case_is_no_length() -> None:

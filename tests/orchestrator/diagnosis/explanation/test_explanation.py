@@ -40,9 +40,10 @@ def test_a_term_whose_size_may_be_none_is_no_claim(
     assert ("its size may be none" in finding.limited_by) != claimed
 
 
-@pytest.mark.parametrize(("may_move", "w_S", "claimed"), [(False, 40.0, False), (False, 4.0, True), (True, 40.0, True)])
+@pytest.mark.parametrize("begins", [8.0, 40.0])
+@pytest.mark.parametrize(("may_move", "w_S", "claimed"), [(False, 45.0, False), (False, 4.0, True), (True, 45.0, True)])
 def test_a_curve_that_bends_beyond_the_speeds_driven_is_no_claim_where_no_parameter_of_its_unit_may_move(
-    may_move: bool, w_S: float, claimed: bool
+    may_move: bool, w_S: float, claimed: bool, begins: float
 ) -> None:
     """A pendulum's dry friction was Stribeck friction with 108 rad/s, of a campaign without tolerances."""
     values = {"axis.stribeck.tau_S": 0.01, "axis.stribeck.w_S": w_S}
@@ -52,7 +53,8 @@ def test_a_curve_that_bends_beyond_the_speeds_driven_is_no_claim_where_no_parame
     stribeck = next(t for t in TERMS if t.name == "axis.stribeck")
     (w,) = stribeck.shapes
     term = replace(stribeck, shapes=(replace(w, reached=30.0),))
-    base, found = fit(problem, Hypothesis(free)), fit(problem, Hypothesis(free, (ActiveTerm(term, values),)))
+    active = ActiveTerm(term, {**values, "axis.stribeck.w_S": begins})
+    base, found = fit(problem, Hypothesis(free)), fit(problem, Hypothesis(free, (active,)))
     assert base is not None
     assert found is not None
     selection = Selection([base, found], [Selected("axis.stribeck", 1e5)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
@@ -48,23 +49,29 @@ def formula(truth: dict[str, float], forms: tuple[Product, ...]) -> tuple[Proble
     return problem, base, Unmodelled(found, [], finding, 0.95)
 
 
-def claimed(order: float) -> Search:
-    candidate = SimpleNamespace(term=next(t for t in TERMS if t.phase), values={**COGGING, "axis.cogging.n": order})
+def claimed(order: float, unit: str = "N.m") -> Search:
+    term = replace(next(t for t in TERMS if t.phase), unit=unit)
+    candidate = SimpleNamespace(term=term, values={**COGGING, "axis.cogging.n": order})
     return Search(named=[cast(Named, SimpleNamespace(candidate=candidate, name="axis.cogging", shows=True))])
 
 
 @pytest.mark.parametrize(
-    ("truth", "order", "same"),
-    [(COGGING, 3.0, True), (COGGING, 5.0, False), ({"axis.windage.c": 3e-4}, 3.0, False)],
-    ids=["cogging", "of another order", "it takes next to nothing"],
+    ("truth", "order", "unit", "same"),
+    [
+        (COGGING, 3.0, "N.m", True),
+        (COGGING, 5.0, "N.m", False),
+        (COGGING, 3.0, "1", False),
+        ({"axis.windage.c": 3e-4}, 3.0, "N.m", False),
+    ],
+    ids=["cogging", "of another order", "as a share of the current", "it takes next to nothing"],
 )
 def test_a_formula_that_is_the_wave_which_the_motion_claims_does_not_go_before_it(
-    truth: dict[str, float], order: float, same: bool
+    truth: dict[str, float], order: float, unit: str, same: bool
 ) -> None:
     """Cogging of order 6 whose angle free runs had lost was -0.0057 sin(6 phi) and two features more, on no list."""
     problem, _, found = formula(truth, (*WAVE, SPEED))
     asked = cast(BeyondTheList, SimpleNamespace(problem=problem))
-    assert BeyondTheList._is_the_claimed_wave(asked, found, claimed(order)) == same
+    assert BeyondTheList._is_the_claimed_wave(asked, found, claimed(order, unit)) == same
 
 
 def test_of_a_formula_its_wave_alone_is_fitted_with_all_else() -> None:

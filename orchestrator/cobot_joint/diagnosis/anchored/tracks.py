@@ -106,10 +106,7 @@ class Tracker:
         sampled = self._systems.enter_context(self._sampled(recording, values, onsets))
         known, before = self._structures[recording.setup], self._latents.get(recording.name)
         both = (*known.latents, *(replace(latent, tau=SLOW) for latent in known.latents))
-        reached = self._reached.get(recording.name)
-        if reached is None:  # a machine that stands in one run turns a thousand times in another
-            own = np.abs(sampled.free(recording).x).max(axis=0)
-            reached = self._reached[recording.name] = np.maximum(known.reached, own)
+        reached = self._own_reach(recording, sampled, known)
         estimator = StateEstimator(sampled, self.noise, before or both, known.followed, reached)
         tracked = estimator.track(recording)
         estimator = _likely(estimator, tracked, AGAIN if before else FIRST)
@@ -118,6 +115,17 @@ class Tracker:
             estimator = _likely(estimator, tracked, 1)
         self._latents[recording.name] = estimator.latents
         return Tracking(estimator, estimator.refilter(tracked))
+
+    def _own_reach(self, recording: Recording, sampled: SampledSystem, known: Structure) -> NDArray[np.float64]:
+        """What its free run reaches, or the set-up's first recording does: a machine that stands in one run turns a
+        thousand times in another. Where it has no free run, it may be followed piece by piece all the same."""
+        if recording.name not in self._reached:
+            try:
+                own = np.abs(sampled.free(recording).x).max(axis=0)
+            except SimulationError:
+                own = np.zeros_like(known.reached)
+            self._reached[recording.name] = np.maximum(known.reached, own)
+        return self._reached[recording.name]
 
 
 def _likely(estimator: StateEstimator, tracked: Tracked, rounds: int) -> StateEstimator:

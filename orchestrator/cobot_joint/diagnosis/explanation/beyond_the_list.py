@@ -226,9 +226,8 @@ class BeyondTheList:
         term, values, shape = named.candidate.term, named.candidate.values, formula.finding.shape
         orders = [values[scanned.name] for scanned in term.shapes if scanned.whole]
         alike = {name.split(".")[0] for name in (formula.finding.term, *formula.finding.equivalent)}
-        plain = (
-            shape is not None and shape.unit == term.unit and len(orders) == len(term.shapes) == 1
-        )  # ripple goes by a current
+        is_force = shape is not None and shape.unit == term.unit  # of its own, not a share of a current's
+        plain = is_force and len(orders) == len(term.shapes) == 1
         alone = wave_alone(self.problem, formula, orders[0]) if plain and term.component in alike else None
         return alone is not None and not formula.outdoes(self.problem, alone)
 

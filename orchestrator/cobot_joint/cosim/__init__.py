@@ -1,6 +1,6 @@
 """Co-simulation of FMI 2.0 units: experiments as data, schemes as data, the loop in native code (`master`)."""
 
-from cobot_joint.cosim.experiment import Experiment
+from cobot_joint.cosim.experiment import Experiment, Feedback
 from cobot_joint.cosim.instances import SimulationError
 from cobot_joint.cosim.many import Advance, Outcome, simulate_many
 from cobot_joint.cosim.schemes import DEFAULT, SCHEMES, STEPPED, Scheme
@@ -12,6 +12,7 @@ __all__ = [
     "STEPPED",
     "Advance",
     "Experiment",
+    "Feedback",
     "Outcome",
     "Scheme",
     "Simulation",

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from cobot_joint.cosim.schemes import Scheme
 from cobot_joint.system.model import Inputs, Value
 
-ParameterEvents = Sequence[tuple[float, Mapping[str, Value]]]
+
+@dataclass(frozen=True)
+class Feedback:
+    """A parameter's value, by what a variable (`component.variable`) is when the parameter is set."""
+
+    variable: str
+    of: Callable[[float], float]
+
+
+ParameterEvents = Sequence[tuple[float, Mapping[str, Value | Feedback]]]
 
 
 @dataclass(frozen=True)
@@ -24,8 +33,8 @@ class Experiment:
                       scheme; None: the scheme's own, or an estimate where a unit cannot take steps back and no scheme
                       is given either
     parameters        `component.variable` -> value, over the system's own
-    parameter_events  (time s, `component.variable` -> value): set during the run, at the first communication point not
-                      before that time
+    parameter_events  (time s, `component.variable` -> value or Feedback): set during the run, at the first
+                      communication point not before that time
     record            the system's outputs and inputs and `component.variable`; None: the system's outputs
     """
 

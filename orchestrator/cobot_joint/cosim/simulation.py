@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cobot_joint.cosim import native
 from cobot_joint.cosim.clock import SLIGHT, Clock, halfway, make_clock, turns
 from cobot_joint.cosim.energy import mechanical_connections, unmeasured, works
-from cobot_joint.cosim.experiment import Experiment
+from cobot_joint.cosim.experiment import Experiment, Feedback
 from cobot_joint.cosim.foreign.step_choice import PROBE, choose_step
 from cobot_joint.cosim.initialise import initialise
 from cobot_joint.cosim.instances import Instance, SimulationError, check_parameters
@@ -32,6 +32,7 @@ log = logging.getLogger("cobot_joint")
 Engine = Literal["native", "reference"]
 Progress = Callable[[float, float], None]  # (simulated time, stop time), s
 Rows = NDArray[np.float64]
+Changes = dict[str, dict[str, Value | Feedback]]  # component -> variable -> value
 ROWS_PER_CHUNK = 10_000
 
 
@@ -59,7 +60,7 @@ class _Run:
     clock: Clock
     names: tuple[str, ...]
     units: Mapping[str, str | None]
-    events: list[tuple[int, dict[str, dict[str, Value]]]]
+    events: list[tuple[int, Changes]]
 
 
 class Simulation:
@@ -173,9 +174,7 @@ class Simulation:
         scheme = self._scheme(e.scheme)
         clock = make_clock(scheme, e.start_time, e.stop_time, e.step, e.output_step)
         tables, units = self._table(e, scheme, dense=clock.stride > clock.per_row)
-        events = [
-            (clock.tick_at(t), check_parameters(self.system, changes, during=True)) for t, changes in e.parameter_events
-        ]
+        events = [(clock.tick_at(t), self._checked(changes)) for t, changes in e.parameter_events]
         at_start = {name: float(np.interp(clock.start, e.inputs.time, row)) for name, row in e.inputs.values.items()}
         parameters = check_parameters(self.system, e.parameters)
         initialise(self._order, self._instances, parameters, at_start, clock.start, e.stop_time)
@@ -197,6 +196,16 @@ class Simulation:
             self.counters = master.counters()
         finally:
             master.close()
+
+    def _checked(self, changes: Mapping[str, Value | Feedback]) -> Changes:
+        """By component, each allowed while time runs; of a Feedback its value at 0. UserError: one is not."""
+        at_zero = {name: x.of(0.0) if isinstance(x, Feedback) else x for name, x in changes.items()}
+        found: Changes = {c: dict(own) for c, own in check_parameters(self.system, at_zero, during=True).items()}
+        for name, x in changes.items():
+            if isinstance(x, Feedback):
+                component, variable = name.split(".", 1)
+                found[component][variable] = x
+        return found
 
     def _coupled(self, e: Experiment) -> Experiment:
         """With scheme and step. Where neither is given and a unit cannot take a step back, the step is estimated."""
@@ -270,17 +279,22 @@ class Simulation:
             return False
         return True
 
-    def _apply(self, events: list[tuple[int, dict[str, dict[str, Value]]]], tick: int) -> bool:
+    def _apply(self, events: list[tuple[int, Changes]], tick: int) -> bool:
         """Set what is due."""
         due = False
         while events and events[0][0] <= tick:
             due = True
             _, changes = events.pop(0)
-            for instance in self._instances.values():
-                with instance.explained(f"on {changes.get(instance.name)} while time runs"):
-                    for name, value in changes.get(instance.name, {}).items():
-                        instance.set(name, value)
+            for component, own in changes.items():
+                instance = self._instances[component]
+                with instance.explained(f"on setting {among(own)} while time runs"):
+                    for name, value in own.items():
+                        instance.set(name, self._fed_back(value) if isinstance(value, Feedback) else value)
         return due
+
+    def _fed_back(self, value: Feedback) -> float:
+        component, variable = value.variable.split(".", 1)
+        return value.of(self._instances[component].get(variable))
 
     def _result(self, run: _Run, first: int, rows: Rows, failed: bool = False) -> Result:
         signals = {name: np.ascontiguousarray(rows[:, j]) for j, name in enumerate(run.names)}

@@ -13,7 +13,7 @@ import numpy as np
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.answer import diagnosis as anchored_diagnosis
-from cobot_joint.diagnosis.anchored.follow import motion_is_given
+from cobot_joint.diagnosis.anchored.follow import can_follow, motion_is_given
 from cobot_joint.diagnosis.anchored.free_runs import in_free_runs, predicts_better
 from cobot_joint.diagnosis.budget import Budget
 from cobot_joint.diagnosis.candidates.scan_ranges import driven
@@ -25,6 +25,7 @@ from cobot_joint.diagnosis.estimation.problem import Problem, Run, one_blas_thre
 from cobot_joint.diagnosis.experiments.discriminate import advise
 from cobot_joint.diagnosis.explanation.beyond_the_list import BeyondTheList
 from cobot_joint.diagnosis.explanation.explanation import Explanation, answer, units_of
+from cobot_joint.diagnosis.explanation.waves import by_recorded_angle
 from cobot_joint.diagnosis.findings import Diagnosis, Verdict
 from cobot_joint.diagnosis.localization.isolability import prefetch
 from cobot_joint.diagnosis.localization.localize import locate_difference
@@ -335,6 +336,9 @@ def _selected(
         return _term_in_place(problem, listed, loads, beside) or Explanation(
             calibrated, loads.fit, listed, loads.selected, loads
         )
+    if can_follow(campaign, problem.plant) and not given:
+        waves = partial(by_recorded_angle, problem, listed, beside, say)
+        listed = spend("waves by the recorded angle", waves) or listed
     return BeyondTheList(campaign, problem, listed, beside, say, store).explanation()
 
 

@@ -15,7 +15,15 @@ from scipy.signal import lfilter
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.campaign_file import Tolerance
 from cobot_joint.diagnosis.data.recording import Recording
-from cobot_joint.diagnosis.plant.plant import Parameter, Port, ScannedShape, Signals, SimulationError, TermCandidate
+from cobot_joint.diagnosis.plant.plant import (
+    Courses,
+    Parameter,
+    Port,
+    ScannedShape,
+    Signals,
+    SimulationError,
+    TermCandidate,
+)
 
 STEP, SAMPLES = 2e-3, 3000
 NOISE = 0.05  # rad/s
@@ -28,7 +36,8 @@ def term(
     name: str, amplitude: str, most: float, shapes: tuple[ScannedShape, ...] = (), phase: str | None = None
 ) -> TermCandidate:
     """A candidate of the axis, neutral at 0."""
-    return TermCandidate(f"axis.{name}", f"axis.{name}.{amplitude}", 0.0, -most, most, "N.m", shapes, phase)
+    angle = "axis.phi" if phase else None
+    return TermCandidate(f"axis.{name}", f"axis.{name}.{amplitude}", 0.0, -most, most, "N.m", shapes, phase, angle)
 
 
 ORDERS = ScannedShape("axis.cogging.n", tuple(float(n) for n in range(1, 9)), 1, 8, whole=True)
@@ -73,6 +82,7 @@ class Axis:
         onsets: Mapping[str, float] | None = None,
         added: Mapping[str, NDArray[np.float64]] | None = None,
         signals: Sequence[str] = (),
+        courses: Courses | None = None,
     ) -> Signals:
         """See Plant.simulate."""
         self.runs += 1
@@ -87,10 +97,12 @@ class Axis:
         push = v.get("axis.push.T", 0.0) * covered / STEP  # of each step, the part that it acts in
         late = {name: round(t / STEP) for name, t in (onsets or {}).items()}
         from_A, from_c = (late.get(f"axis.{n}", 0) for n in ("cogging.A", "windage.c"))
+        phases = {round(t / STEP): fed_back for t, fed_back in (courses or {}).get("axis.cogging.phi_0", ())}
         phi = w = 0.0
         out = np.empty((len(u), 2))
         for j in range(len(u)):
             out[j] = phi, w
+            phi_0 = phases[j].of(phi) if j in phases else phi_0
             s = tanh(w / 0.5)
             tau = v["axis.tau_C"] * s + v["axis.d"] * w + tau_A * s * s
             tau += c * w * abs(w) if j >= from_c else 0.0

@@ -16,6 +16,7 @@ from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.least_squares import fit_added
 from cobot_joint.diagnosis.estimation.problem import Problem, Run
+from cobot_joint.diagnosis.estimation.recorded_motion import at_recorded_angle
 from cobot_joint.diagnosis.findings import Diagnosis
 from cobot_joint.diagnosis.selection.competition import finished
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
@@ -97,8 +98,8 @@ def felt(problem: Problem, base: Fit, listed: Fit, search: Search) -> Search:
 
 
 def beside_listed(problem: Problem, listed: Selection, search: Search) -> tuple[Fit, list[Selected]] | None:
-    """Listed terms that take most of free runs, and what the recorded motion claims beside them, fitted together: free
-    runs lose the angle that teeth go by, and what a large drag leaves of it is theirs to find.
+    """Listed terms that take most of free runs, and what the recorded motion claims beside them, fitted together, waves
+    at the angle of the recordings, which free runs lose.
 
     None: it claims nothing else, or free runs are no better for it.
     """
@@ -110,7 +111,8 @@ def beside_listed(problem: Problem, listed: Selection, search: Search) -> tuple[
     at, selected = listed.fit, list(listed.selected)
     values = {name: estimate.value for name, estimate in search.repaired.items()}
     for named in claimed:
-        found = fit_added(problem, at, [_as_repaired(named.candidate, values)], finished(jacobians=1))
+        term = at_recorded_angle(problem, at.run, _as_repaired(named.candidate, values))
+        found = fit_added(problem, at, [term], finished(jacobians=1))
         if found is not None and at.cost - found.cost > problem.evidence:
             alike = dict.fromkeys((name for name in named.alike if name not in known), 0.0)
             selected.append(Selected(named.name, at.cost - found.cost, alike))
@@ -125,7 +127,8 @@ def _left(problem: Problem, values: Mapping[str, float], onsets: Mapping[str, fl
 
 
 def freely(problem: Problem, search: Search, refit: Fit) -> Fit | None:
-    """The re-fitted base model with the terms that the recorded motion named, from where it has them, all free.
+    """The re-fitted base model with the terms that the recorded motion named, from where it has them, all free, waves
+    at the angle of the recordings.
 
     None: one of them is a base parameter, or they cannot be simulated.
     """
@@ -133,7 +136,7 @@ def freely(problem: Problem, search: Search, refit: Fit) -> Fit | None:
     if any(n.name not in terms for n in search.named):
         return None
     values = {name: estimate.value for name, estimate in search.repaired.items()}
-    active = [_as_repaired(n.candidate, values) for n in search.named]
+    active = [at_recorded_angle(problem, refit.run, _as_repaired(n.candidate, values)) for n in search.named]
     return fit_added(problem, refit, active, finished(jacobians=1))
 
 

@@ -148,7 +148,7 @@ class Scan:
             late = {} if onset is None else {term.amplitude: onset}
             runs += [run.with_values({}, late) for run in _probes(fit.run, term, shape, self.probe[term.name])]
         with self._told():
-            known = None if fit.run.added or fit.run.readings or fit.run.stamps else self._simulated
+            known = self._simulated if fit.run.is_plain else None
             simulated = iter(self.problem.simulate(runs, fit.simulated, known=known))
         columns = []
         for term, shape in wanted:

@@ -17,7 +17,7 @@ from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.budget import Budget
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.noise import Gaps, Noise
-from cobot_joint.diagnosis.plant.plant import Plant, Signals, SimulationError
+from cobot_joint.diagnosis.plant.plant import Courses, Plant, Signals, SimulationError
 
 Vector = NDArray[np.float64]
 BLOCK = 16  # samples
@@ -40,6 +40,7 @@ class Run:
     touches: tuple[str, ...] = ()  # components beside which nothing changes: recordings without them are not run again
     readings: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # channel -> its log's gain and offset
     stamps: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # channel -> s late, s per s that it grows
+    courses: Mapping[str, Courses] = field(default_factory=dict)  # by recording
 
     def with_values(self, values: Mapping[str, float], onsets: Mapping[str, float] | None = None) -> Run:
         """The same with further parameters, and from which times on these hold."""
@@ -56,6 +57,11 @@ class Run:
     def beside(self, *components: str) -> Run:
         """As a run that differs from a base only in these components."""
         return replace(self, touches=components)
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether its key tells all of it."""
+        return not (self.added or self.readings or self.stamps or self.courses)
 
     @property
     def key(self) -> Key:
@@ -239,7 +245,8 @@ class Problem:
         wanted = [name for name in signals if self.plant.has(name, recording)]
         added = {p: x for p, x in run.added.get(recording.name, {}).items() if self.plant.has(p, recording)}
         onsets = {name: t for name, t in run.onsets.items() if name in there}
-        found = self.plant.simulate(there, recording, onsets=onsets, added=added, signals=wanted)
+        more = {"courses": courses} if (courses := run.courses.get(recording.name)) else {}
+        found = self.plant.simulate(there, recording, onsets=onsets, added=added, signals=wanted, **more)
         if not all(np.isfinite(found[channel]).all() for channel in recording.outputs):
             raise SimulationError(f"{recording.name}: the simulation diverges")
         return _logged(found, recording, run)

@@ -17,7 +17,7 @@ from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.explanation.closed_loop import chi2_in_closed_loop
 from cobot_joint.diagnosis.explanation.explanation import Explanation, sure_beside_background
-from cobot_joint.diagnosis.explanation.waves import repeats, wave_alone, without_waves
+from cobot_joint.diagnosis.explanation.waves import in_place_of, repeats, without_waves
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.selection.elimination import prune, worth_naming
 from cobot_joint.diagnosis.selection.outside import Outside
@@ -61,6 +61,8 @@ class BeyondTheList:
         formula, rival = self._formula()
         if formula and (not self._beside_background or self._leaves_nothing(formula)):
             return self._of(formula)
+        if formula and formula.is_likely and self._is_lost(formula) and (wave := self._listed_wave(formula)):
+            return wave
         outdone = bool(formula and formula.is_likely and formula.outdoes(self.problem, self.listed.fit))
         if pair := self._pair(formula, rival):
             if pair.outside or not self._is_lost(pair.formula):
@@ -135,6 +137,21 @@ class BeyondTheList:
         """Whether it goes by an angle that free runs lose and the recorded motion has."""
         return self.follows and formula.is_wave
 
+    def _listed_wave(self, formula: Unmodelled) -> Explanation | None:
+        """A listed wave that does as well as a formula whose angle free runs have lost, both by the recorded angle.
+        None: the formula leaves so much less that its freedom does not account for it."""
+        look = partial(in_place_of, self.problem, formula, self.beside.probes(self.calibrated))
+        fits = self.spend("listed waves", look) or []
+        if not fits or formula.outdoes(self.problem, fits[0]):
+            return None
+        best, *others = fits
+        alike = {f.hypothesis.terms[-1].name: f.cost - best.cost for f in others if self.beside.as_good(f, best)}
+        name = best.hypothesis.terms[-1].name
+        self.say(f"{name}, by the recorded angle, does as well as the formula")
+        selected = [*formula.selected, Selected(name, formula.finding.gain, alike)]
+        listed = replace(self.listed, history=[self.calibrated, best], selected=selected)
+        return Explanation(self.calibrated, best, listed, selected)
+
     def _pair(self, formula: Unmodelled | None, rival: Unmodelled | None) -> Pair | None:
         """What is on no list, and a listed term or a parameter, where listed terms leave what stands out, and the best
         formula does, too: neither may show what it is without the other. Where listed terms take most, beside such a
@@ -201,43 +218,40 @@ class BeyondTheList:
         listed terms take most."""
         if found is None:
             return self.takes_most
+        if self._is_lost(formula) and self._outdoes_claimed(formula, found):
+            return False
         stay = staying(formula)
         others = [n for n in found.named if not {n.name, *n.alike} & stay]
         return found.claims and (not stay or any(confidence(n) >= thresholds.EVEN for n in others))
 
     def _outdoes_claimed(self, formula: Unmodelled | None, found: Search | None) -> bool:
-        """Whether a formula leaves so much less than all that the motion claims, fitted to free runs; these have the
-        angle where that takes half. A wave that turns with the direction is no cogging (machine 163/88)."""
-        both = self._claimed_freely(found) if formula and found else None
-        if formula is None or both is None:
+        """Whether all that the motion claims, fitted to free runs at the angles that the recordings have, takes less
+        than half of them, or a formula leaves so much less. A wave that turns with the direction is no cogging
+        (machines 163/88, 223/1)."""
+        if formula is None or found is None:
             return False
-        same = {s.term for s in both[1]} == {s.term for s in self.listed.selected}
-        claimed = min((both[0], self.listed.fit) if same else both[:1], key=attrgetter("cost"))
+        every = {n.name for n in found.named if n.shows}
+        if not every or any(name in self.problem.plant.parameters for name in every):
+            return False
+        both = self._freely_with(found)
+        fits = [both[0] if both else self.calibrated]
+        if every == {s.term for s in self.listed.selected}:
+            fits.append(self.listed.fit)
+        claimed = min(fits, key=attrgetter("cost"))
         before, left = remains(self.problem, self.calibrated, claimed)
-        less = left < (1 - thresholds.HOLDS) * before and formula.outdoes(self.problem, claimed)
-        return less and not self._is_the_claimed_wave(formula, found)
-
-    def _is_the_claimed_wave(self, formula: Unmodelled, found: Search | None) -> bool:
-        """Whether a formula is the one wave that the motion claims, and what else it has does not account for its
-        freedom: a listed term that does as well goes before, though free runs lose its angle (field/open/case04)."""
-        (named, *more) = found.named if found and found.named else (None,)
-        if named is None or more or named.candidate.term.phase is None or not formula.is_formula:
-            return False
-        term, values, shape = named.candidate.term, named.candidate.values, formula.finding.shape
-        orders = [values[scanned.name] for scanned in term.shapes if scanned.whole]
-        alike = {name.split(".")[0] for name in (formula.finding.term, *formula.finding.equivalent)}
-        is_force = shape is not None and shape.unit == term.unit  # of its own, not a share of a current's
-        plain = is_force and len(orders) == len(term.shapes) == 1
-        alone = wave_alone(self.problem, formula, orders[0]) if plain and term.component in alike else None
-        return alone is not None and not formula.outdoes(self.problem, alone)
+        return left > thresholds.HOLDS * before or formula.outdoes(self.problem, claimed)
 
     def _claimed_freely(self, found: Search) -> tuple[Fit, list[Selected]] | None:
-        """All that the motion names, fitted to free runs, once; None: some of it does not help them."""
-        if self._freely is None or self._freely[0] is not found:
-            self._freely = found, beside_listed(self.problem, self.listed.up_to(0), found)
-        both = self._freely[1]
+        """All that the motion names, fitted to free runs; None: some of it does not help them."""
+        both = self._freely_with(found)
         every = {n.name for n in found.named if n.shows}
         return both if both is not None and {s.term for s in both[1]} == every else None
+
+    def _freely_with(self, found: Search) -> tuple[Fit, list[Selected]] | None:
+        """What of it helps free runs, fitted once; None: nothing does."""
+        if self._freely is None or self._freely[0] is not found:
+            self._freely = found, beside_listed(self.problem, self.listed.up_to(0), found)
+        return self._freely[1]
 
     def _beside_the_claimed(self, found: Search) -> Explanation | None:
         """What the motion names, and a formula where free runs with all of it leave what stands out: along the motion

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import queue
+import re
 import threading
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -19,6 +20,7 @@ from cobot_joint.cosim.schemes import MONOLITHIC
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.plant import (
     SPEEDS,
+    Courses,
     Parameter,
     Port,
     ScannedShape,
@@ -97,6 +99,7 @@ class FmuPlant:
         onsets: Mapping[str, float] | None = None,
         added: Mapping[str, NDArray[np.float64]] | None = None,
         signals: Sequence[str] = (),
+        courses: Courses | None = None,
     ) -> Signals:
         """See Plant.simulate."""
         added = {self._connectors.get(port, port): x for port, x in (added or {}).items()}
@@ -109,6 +112,7 @@ class FmuPlant:
                     values,
                     onsets=onsets,
                     added=added,
+                    courses=courses,
                     record=[*recording.outputs, *signals],
                 )
                 if simulation.is_one_system:
@@ -219,6 +223,7 @@ def _term(component: Component, term: Term) -> TermCandidate | None:
         return None
     lower, upper = unit.bounds_of(amplitude)
     phases = [shape for shape in term.shapes if shape.scan == "phase"]
+    angle, turns = _angle(component, term)
     return TermCandidate(
         name=f"{component.name}.{term.name}",
         amplitude=f"{component.name}.{amplitude}",
@@ -228,7 +233,20 @@ def _term(component: Component, term: Term) -> TermCandidate | None:
         unit=unit.unit_of(amplitude) or "1",
         shapes=tuple(_shape(component.name, unit, shape) for shape in term.shapes if shape.scan != "phase"),
         phase=f"{component.name}.{phases[0].name}" if phases else None,
+        angle=angle,
+        turns=turns,
     )
+
+
+def _angle(component: Component, term: Term) -> tuple[str | None, float]:
+    """(the shaft's angle that a wave goes by, periods per turn where its equation has a number), by its equation, as in
+    sin(n*phi + phi_0); (None, 1): it has no phase, or no angle that the unit shows."""
+    phase = next((s.name.rsplit(".", 1)[-1] for s in term.shapes if s.scan == "phase"), None)
+    told = re.search(rf"(?:(\w+)\*)?(\w+) \+ {phase}\b", term.equation) if phase else None
+    name, unit = told[2] if told else "", component.unit
+    if told is None or name not in unit.variables or unit.unit_of(name) != "rad":
+        return None, 1.0
+    return f"{component.name}.{name}", float(told[1]) if told[1] and told[1].isdigit() else 1.0
 
 
 def _shape(component: str, unit: Unit, shape: Shape) -> ScannedShape:

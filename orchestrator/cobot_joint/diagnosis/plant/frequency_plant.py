@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cobot_joint.diagnosis.data.campaign_file import FrequencyExperiment
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
-from cobot_joint.diagnosis.plant.plant import Parameter, Port, Signals, SimulationError, TermCandidate
+from cobot_joint.diagnosis.plant.plant import Courses, Parameter, Port, Signals, SimulationError, TermCandidate
 from cobot_joint.system.model import System
 
 CHANNEL = "ln amplitude"
@@ -52,6 +52,7 @@ class FrequencyPlant:
         onsets: Mapping[str, float] | None = None,
         added: Mapping[str, Vector] | None = None,
         signals: Sequence[str] = (),
+        courses: Courses | None = None,
     ) -> Signals:
         """{CHANNEL: (1,)}, ln of half the swing at the recording's frequency. SimulationError: it fails, or rests."""
         omega = float(recording.time[0])

@@ -9,12 +9,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from cobot_joint.cosim import Feedback
 from cobot_joint.cosim.instances import SimulationError
 from cobot_joint.diagnosis.data.recording import Recording
 
 __all__ = ["Parameter", "Plant", "Port", "ScannedShape", "Signals", "SimulationError", "TermCandidate"]
 
 Signals = dict[str, NDArray[np.float64]]
+Courses = Mapping[str, Sequence[tuple[float, Feedback]]]  # parameter -> (s since a run began, value from then on)
 
 PROBE = {
     "N.m": 1e-3,
@@ -71,11 +73,17 @@ class TermCandidate:
     unit: str
     shapes: tuple[ScannedShape, ...] = ()
     phase: str | None = None
+    angle: str | None = None  # of a shaft, that a wave goes by; None: of none, or it does not say of which
+    turns: float = 1.0  # periods per turn, of a wave without a shape that says how many
 
     @property
     def component(self) -> str:
         """The unit that has it."""
         return self.name.split(".")[0]
+
+    def periods(self, values: Mapping[str, float]) -> float:
+        """Per turn of its angle, with these values of its shapes."""
+        return next((values[s.name] for s in self.shapes if s.whole), self.turns)
 
     @property
     def episode(self) -> tuple[str, str] | None:
@@ -128,11 +136,12 @@ class Plant(Protocol):
         onsets: Mapping[str, float] | None = None,
         added: Mapping[str, NDArray[np.float64]] | None = None,
         signals: Sequence[str] = (),
+        courses: Courses | None = None,
     ) -> Signals:
         """Outputs of the system (and `signals`, `component.variable`) at the recording's time, each (n,).
 
         values: parameters other than nominal. onsets: of those, which hold only from a time on (neutral or nominal
-        before). added: port -> (n,).
+        before). added: port -> (n,). courses: parameters that change as the run goes on.
         Raises SimulationError.
         """
         ...

@@ -8,9 +8,10 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.cosim import Experiment, Simulation, SimulationError
+from cobot_joint.cosim import Experiment, Feedback, Simulation, SimulationError
 from cobot_joint.cosim.schemes import Scheme
 from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.plant.plant import Courses
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import Inputs, System, Value
 
@@ -24,6 +25,7 @@ def run_beside(
     *,
     onsets: Mapping[str, float] | None = None,
     added: Signals | None = None,
+    courses: Courses | None = None,
     record: Sequence[str],
     scheme: Scheme | None = None,
 ) -> dict[str, NDArray[np.float64]]:
@@ -35,7 +37,9 @@ def run_beside(
     """
     onsets = onsets or {}
     time = recording.time - recording.time[0]  # what fades or warms up does so from the run's beginning
-    events = [(t, {name: values[name]}) for name, t in onsets.items() if name in values]
+    events: list[tuple[float, Mapping[str, Value | Feedback]]] = []
+    events += [(t, {name: values[name]}) for name, t in onsets.items() if name in values]
+    events += [(t, {name: x}) for name, of_time in (courses or {}).items() for t, x in of_time]
     start = {name: value for name, value in values.items() if name not in onsets}
     start |= {_variable(simulation.system, name): value for name, value in recording.initial.items()}
     result = simulation.run(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from operator import attrgetter
@@ -68,6 +68,14 @@ class Selector:
         so_far = self._forward(Selection([calibrated]), basis)
         instead = self._one_instead(so_far)
         return self._forward(instead, basis) if instead else so_far
+
+    def further(self, so_far: Selection) -> Selection:
+        """On from some terms."""
+        return self._forward(so_far, None)
+
+    def probes(self, fit: Fit) -> Mapping[str, float]:
+        """Term -> amplitude that moves a run by about its noise."""
+        return self.scan.probes(fit)
 
     def _forward(self, so_far: Selection, basis: object) -> Selection:
         """Round by round, until one adds nothing."""

@@ -160,38 +160,6 @@ def test_a_formula_over_an_angle_gives_way_to_what_the_recorded_motion_claims(
     assert [f.term for f in diagnose_plant(drifting(), Axis()).findings] == named
 
 
-@pytest.mark.parametrize(
-    ("outdone", "left", "named"),
-    [(True, 0.3, [FORMULA]), (False, 0.3, []), (True, 0.8, [])],
-    ids=["it leaves so much less", "it does not", "free runs have lost the angle"],
-)
-def test_a_formula_over_an_angle_that_leaves_so_much_less_than_what_the_motion_claims_is_the_answer(
-    outdone: bool, left: float, named: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A wave that turned with the direction, 13 times the background, was cogging, 97 % sure (machine 163/88)."""
-    feature = Feature(Product((Factor("x", "sin"),)), Estimate(1.0, "N.m", (0.9, 1.1)))
-    finding = Finding(FORMULA, (), 0.9, None, {}, {}, 1e3, shape=Form("axis.tau_add", "N.m", (), (feature,), 0.9))
-    claimed: list[Fit] = []
-
-    def fitted(problem: Problem, listed: Selection, search: Search) -> tuple[Fit, list[Selected]]:
-        claimed.append(replace(listed.fit))
-        return claimed[-1], []
-
-    monkeypatch.setattr(beyond, "can_follow", lambda campaign, plant: True)
-    monkeypatch.setattr(beyond, "follow", lambda campaign, plant, say, in_runs, start: Search())
-    monkeypatch.setattr(beyond, "look_for_unmodelled", lambda problem, fit, *_: Unmodelled(fit, [], finding, 0.9))
-    monkeypatch.setattr(beyond, "beside_listed", fitted)
-    monkeypatch.setattr(beyond, "remains", lambda *_: [1.0, left])
-    monkeypatch.setattr(engine, "look_outside", lambda *_: None)
-    monkeypatch.setattr(beyond, "takes_most", lambda problem, listed: False)
-    monkeypatch.setattr(Search, "claims", property(lambda self: True))
-    monkeypatch.setattr(
-        Unmodelled, "outdoes", lambda self, problem, other: outdone or not any(other is fit for fit in claimed)
-    )
-    assert [f.term for f in diagnose_plant(drifting(), Axis()).findings] == named
-    assert claimed
-
-
 def test_a_drag_that_outdoes_listed_terms_is_the_answer_without_asking_the_motion(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

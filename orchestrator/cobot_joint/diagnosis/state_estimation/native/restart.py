@@ -139,7 +139,7 @@ class Restarts:
         loops = [len(g) > 1 or g[0].source_component == g[0].sink_component for g in order]
         settings = self._settings(experiment, states)
         events = [
-            _Event(tick, self._place(component, variable), float(value))
+            _Event(tick, self._place(component, variable), float(value))  # type: ignore[arg-type]  # no Feedback here
             for tick, changes in self._run.events
             for component, values in changes.items()
             for variable, value in values.items()

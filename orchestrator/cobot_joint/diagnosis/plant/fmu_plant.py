@@ -28,7 +28,7 @@ from cobot_joint.diagnosis.plant.plant import (
     SimulationError,
     TermCandidate,
 )
-from cobot_joint.diagnosis.plant.simulator import run_beside
+from cobot_joint.diagnosis.plant.simulator import run_beside, setting_in
 from cobot_joint.system.model import Component, Connection, Connector, System
 from cobot_joint.system.wiring import ADDITIVE
 from cobot_joint.units import Shape, Term, Unit
@@ -103,16 +103,16 @@ class FmuPlant:
     ) -> Signals:
         """See Plant.simulate."""
         added = {self._connectors.get(port, port): x for port, x in (added or {}).items()}
+        start, late = setting_in(values, onsets)
         with self._simulation(recording.setup, bool(added)) as simulation:
             try:
                 run = partial(
                     run_beside,
                     simulation,
                     recording,
-                    values,
-                    onsets=onsets,
+                    start,
+                    courses={**late, **(courses or {})},
                     added=added,
-                    courses=courses,
                     record=[*recording.outputs, *signals],
                 )
                 if simulation.is_one_system:

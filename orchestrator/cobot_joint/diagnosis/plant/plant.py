@@ -16,7 +16,7 @@ from cobot_joint.diagnosis.data.recording import Recording
 __all__ = ["Parameter", "Plant", "Port", "ScannedShape", "Signals", "SimulationError", "TermCandidate"]
 
 Signals = dict[str, NDArray[np.float64]]
-Courses = Mapping[str, Sequence[tuple[float, Feedback]]]  # parameter -> (s since a run began, value from then on)
+Courses = Mapping[str, Sequence[tuple[float, float | Feedback]]]  # parameter -> (s since a run began, value)
 
 PROBE = {
     "N.m": 1e-3,

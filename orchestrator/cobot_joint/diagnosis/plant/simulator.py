@@ -23,25 +23,20 @@ def run_beside(
     recording: Recording,
     values: Mapping[str, Value],
     *,
-    onsets: Mapping[str, float] | None = None,
-    added: Signals | None = None,
     courses: Courses | None = None,
+    added: Signals | None = None,
     record: Sequence[str],
     scheme: Scheme | None = None,
 ) -> dict[str, NDArray[np.float64]]:
     """`record` at the recording's time, each (n,), by a scheme, or coupled as the system says, else by the default one.
 
-    values: `component.variable` -> value over the system's own. onsets: of these, s since the recording's first sample
-    from which they hold. added: (n,) each, on top of what the recording has there. UserError: a name or value is wrong.
-    SimulationError (of cosim): a unit fails.
+    values: `component.variable` -> value over the system's own. courses: those that change on the way, by the time
+    since the recording's first sample. added: (n,) each, on top of what the recording has there. UserError: a name or
+    value is wrong. SimulationError (of cosim): a unit fails.
     """
-    onsets = onsets or {}
     time = recording.time - recording.time[0]  # what fades or warms up does so from the run's beginning
-    events: list[tuple[float, Mapping[str, Value | Feedback]]] = []
-    events += [(t, {name: values[name]}) for name, t in onsets.items() if name in values]
-    events += [(t, {name: x}) for name, of_time in (courses or {}).items() for t, x in of_time]
-    start = {name: value for name, value in values.items() if name not in onsets}
-    start |= {_variable(simulation.system, name): value for name, value in recording.initial.items()}
+    events = [(t, {name: x}) for name, of_time in (courses or {}).items() for t, x in of_time]
+    start = {**values} | {_variable(simulation.system, name): value for name, value in recording.initial.items()}
     result = simulation.run(
         Experiment(
             Inputs(time, summed(recording.inputs, added or {})),
@@ -56,6 +51,15 @@ def run_beside(
     if len(result.time) < len(time):
         raise SimulationError(f"{simulation.system.name} ends at {result.time[-1]:.6g} s of {time[-1]:.6g} s")
     return dict(result.signals)
+
+
+def setting_in(
+    values: Mapping[str, Value], onsets: Mapping[str, float] | None
+) -> tuple[dict[str, Value], dict[str, list[tuple[float, Value | Feedback]]]]:
+    """(values that hold from the start, courses of those that hold from an onset on). onsets: s since a run began."""
+    late = {name: t for name, t in (onsets or {}).items() if name in values}
+    start = {name: value for name, value in values.items() if name not in late}
+    return start, {name: [(t, values[name])] for name, t in late.items()}
 
 
 def summed(inputs: Signals, added: Signals) -> dict[str, NDArray[np.float64]]:
@@ -101,7 +105,8 @@ class Simulator:
             self._loaded[recording.setup] = Simulation(system)
         there = {n: v for n, v in self.values.items() if any(n.startswith(f"{c.name}.") for c in system.components)}
         simulation = self._loaded[recording.setup]
-        return run_beside(simulation, recording, there, onsets=self.onsets, record=list(recording.outputs))
+        start, courses = setting_in(there, self.onsets)
+        return run_beside(simulation, recording, start, courses=courses, record=list(recording.outputs))
 
 
 def _variable(system: System, name: str) -> str:

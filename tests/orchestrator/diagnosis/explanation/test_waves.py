@@ -35,7 +35,7 @@ def quiet(_: str) -> None:
 
 
 def drifting(truth: dict[str, float], turns: bool = False) -> Campaign:
-    """An axis beside which something comes and goes slowly, which no term is: free runs slip by a turn. turns: its teeth
+    """An axis beside which something comes and goes slowly, which no term is: free runs slip. turns: it has teeth that
     pull the other way where it turns back."""
     case, plant, rng = campaign(OFF), Axis(), np.random.default_rng(3)
     for recording in case.recordings:

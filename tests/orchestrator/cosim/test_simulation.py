@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from cobot_joint.cosim import Experiment, Simulation, SimulationError, simulate
+from cobot_joint.cosim import Experiment, Feedback, Simulation, SimulationError, simulate
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.simulator import run_beside
 from cobot_joint.errors import UserError
@@ -79,6 +79,22 @@ def test_a_parameter_can_change_while_time_runs(make_gain: MakeSystem, engine: s
     )
     # 0.25 s takes effect from 0.3 s on and shows at the next point
     assert ((result.signals["y"] - 1) / 10).tolist() == [2, 2, 2, 2, 5, 5, 5, 5, 7, 7, 7]
+
+
+@pytest.mark.parametrize("engine", ["native", "reference"])
+def test_a_parameter_can_go_by_what_a_variable_is_then(make_gain: MakeSystem, engine: str) -> None:
+    constant = Inputs(np.array([0.0]), {"u": np.array([1.0])})
+    events = [(t, {"gain.k": Feedback("gain.y", lambda y: y + 1)}) for t in (0.25, 0.7)]
+    how = Experiment(constant, 1.0, scheme=FIXED, step=0.1, output_step=0.1, parameter_events=events)
+    result = simulate(make_gain(), how, engine=engine)
+    assert ((result.signals["y"] - 1) / 10).tolist() == pytest.approx([2, 2, 2, 2, 3, 3, 3, 3, 4, 4, 4])
+
+
+def test_what_a_variable_decides_has_to_be_allowed_as_well(make_gain: MakeSystem) -> None:
+    constant = Inputs(np.array([0.0]), {"u": np.array([1.0])})
+    how = Experiment(constant, 1.0, parameter_events=[(0.3, {"gain.no_such": Feedback("gain.y", float)})])
+    with pytest.raises(UserError, match="no_such"):
+        simulate(make_gain(), how)
 
 
 def test_a_stream_is_the_run_in_pieces(make_oscillator: MakeSystem) -> None:

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from cobot_joint.diagnosis.data.recording import Recording
-from cobot_joint.diagnosis.estimation.recorded_motion import along_recording
+from cobot_joint.diagnosis.estimation.effects import ActiveTerm
+from cobot_joint.diagnosis.estimation.noise import Noise
+from cobot_joint.diagnosis.estimation.problem import Problem, Run
+from cobot_joint.diagnosis.estimation.recorded_motion import along_recording, at_recorded_angle
+from tests.orchestrator.diagnosis.axis import NOISE, STEP, Axis, campaign
+from tests.orchestrator.diagnosis.axis import OFF as OFF_NOMINAL
 
 TIME = np.arange(0, 8, 1e-3)
 SPEED = 100 * np.sin(TIME)  # as simulated
@@ -40,3 +45,24 @@ def test_a_gap_in_the_recording_counts_as_right() -> None:
     w = np.where((TIME > 2) & (TIME < 3), np.nan, SPEED)
     moved = along_recording(recorded(w), SIMULATED, ["a.phi"])
     assert moved["a.phi"] == pytest.approx(SIMULATED["a.phi"])
+
+
+def test_a_wave_acts_at_the_recorded_angle_whatever_a_run_s_own_is() -> None:
+    case, plant = campaign(OFF_NOMINAL), Axis()
+    problem = Problem(plant, case.train, {"w": Noise(NOISE)})
+    term = next(t for t in plant.terms if t.phase)
+    values = {term.amplitude: 0.01, "axis.cogging.n": 5.0, "axis.cogging.phi_0": 0.4}
+    true = [plant.simulate(OFF_NOMINAL, r)["axis.phi"] for r in case.train]
+    wave = at_recorded_angle(problem, Run(), ActiveTerm(term, values))
+    courses = wave.apply(Run(), wave.start()).courses
+    for recording, phi in zip(case.train, true, strict=True):
+        for t, phase in courses[recording.name]["axis.cogging.phi_0"]:
+            at = round(t / STEP)
+            for own in (0.0, 17.0):
+                assert np.sin(5 * own + phase.of(own)) == pytest.approx(np.sin(5 * phi[at] + 0.4), abs=0.2)
+
+
+def test_a_term_that_goes_by_no_angle_stays_as_it_is() -> None:
+    case, plant = campaign(OFF_NOMINAL), Axis()
+    windage = ActiveTerm(next(t for t in plant.terms if not t.phase), {"axis.windage.c": 1e-4})
+    assert at_recorded_angle(Problem(plant, case.train, {"w": Noise(NOISE)}), Run(), windage) is windage

@@ -8,10 +8,11 @@ import time
 import numpy as np
 import pytest
 
-from cobot_joint.cosim import SimulationError
+from cobot_joint.cosim import Feedback, SimulationError
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
-from cobot_joint.system import load_system
+from cobot_joint.system import Component, System, load_system
+from cobot_joint.units import find_fmu, load_unit
 
 
 def test_units_are_not_freed_under_a_thread_that_works(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -55,3 +56,47 @@ def test_no_effect_at_a_port_goes_by_a_load_that_the_port_shows_in_at_once() -> 
     assert ports["torque_sensor.y_add"] == ("torque_sensor.tau_s",)
     assert "planetary_gear.tau" not in ports["planetary_gear.tau_add"]
     assert "planetary_gear.tau" in ports["planetary_gear.tau_o_add"]
+
+
+def test_a_wave_s_angle_is_the_one_in_its_equation() -> None:
+    with FmuPlant({"": load_system("joint_logged")}) as plant:
+        angles = {term.name: term.angle for term in plant.terms if term.phase}
+    assert angles == {
+        "motor_bldc.cogging": "motor_bldc.phi",
+        "motor_bldc.torque_ripple": "motor_bldc.phi",
+        "planetary_gear.transmission_error": "planetary_gear.phi_o",
+        "torque_sensor.misalignment_ripple": "torque_sensor.phi_p",
+        "mr_brake_belt.pulley_eccentricity": "mr_brake_belt.phi_p",
+        "mr_brake_belt.imbalance": "mr_brake_belt.phi_p",
+        "mr_brake_belt.position_friction": "mr_brake_belt.phi_p",
+    }
+
+
+def test_a_wave_without_an_order_has_the_periods_of_its_equation() -> None:
+    """2*phi of a harmonic drive's kinematic error"""
+    gear = Component("gear", "harmonic_drive.fmu", load_unit(find_fmu("harmonic_drive.fmu")))
+    with FmuPlant({"": System("gear", (gear,), ())}) as plant:
+        (term,) = (t for t in plant.terms if t.name == "gear.kinematic_error")
+    assert term.periods({}) == 2
+    assert term.angle == "gear.phi"
+
+
+def test_a_tooth_whose_phase_goes_back_as_the_shaft_turns_is_a_constant_torque() -> None:
+    """A sin(n phi + phi_0) with phi_0 = pi/2 - n phi is A."""
+    t = np.arange(2001) * 1e-3
+    recording = Recording(
+        "r", "train", "", t, {"v_command": np.full(len(t), 6.0)}, {"w_motor": t}, {"w_motor": "rad/s"}
+    )
+    A, n, phase = 1e-2, 1.0, "motor_bldc.cogging.phi_0"
+
+    def back(phi: float) -> float:
+        return float(np.remainder(np.pi / 2 - n * phi, 2 * np.pi))
+
+    with FmuPlant({"": load_system("joint_no_load")}) as plant:
+        courses = {phase: [(float(s), Feedback("motor_bldc.phi", back)) for s in t[:-1]]}
+        on = {"motor_bldc.cogging.A": A, "motor_bldc.cogging.n": n, phase: np.pi / 2}
+        held = plant.simulate(on, recording, courses=courses)["w_motor"]
+        pushed = plant.simulate({}, recording, added={"motor_bldc.tau_add": np.full(len(t), -A)})["w_motor"]
+        free = plant.simulate(on, recording)["w_motor"]
+    assert np.abs(free - pushed).max() > 5  # rad/s
+    assert np.abs(held - pushed).max() < 0.5

@@ -141,17 +141,18 @@ def _predicted(
 ) -> tuple[float, ActiveTerm]:
     """(chi-square that it takes, what is linear in its two parts; the term with these)."""
     shapes = {s.name: float(round(order)) if s.whole else float(np.median(s.values)) for s in term.shapes}
-    phases = [{term.amplitude: term.neutral + probe, str(term.phase): x} for x in (0.0, np.pi / 2)]
-    waves = [at_recorded_angle(problem, start.run, ActiveTerm(term, {**shapes, **phase})) for phase in phases]
+    trials = [{**shapes, term.amplitude: term.neutral + probe, str(term.phase): x} for x in (0.0, np.pi / 2)]
+    wave = at_recorded_angle(problem, start.run, ActiveTerm(term, trials[0]))
+    waves = [replace(wave, values=values) for values in trials]
     runs = [start.hypothesis.with_effects(w).run(np.concatenate([start.x, w.start()])) for w in waves]
     found = problem.simulate([run.beside(term.component) for run in runs], start.simulated)
     columns = [(f.white - start.simulated.white) / probe for f in found if f is not None]
     if len(columns) < len(waves):
-        return 0.0, waves[0]
+        return 0.0, wave
     gain, (a, b) = Projection(start, columns).gain([0, 1])
     amplitude = float(np.clip(np.hypot(a, b), term.lower, term.upper))
     values = {**shapes, term.amplitude: amplitude, str(term.phase): float(np.arctan2(b, a))}
-    return gain, replace(waves[0], values=values)
+    return gain, replace(wave, values=values)
 
 
 def _without_signal(problem: Problem, found: Fit) -> Fit | None:

@@ -148,7 +148,8 @@ class BeyondTheList:
         alike = {f.hypothesis.terms[-1].name: f.cost - best.cost for f in others if self.beside.as_good(f, best)}
         name = best.hypothesis.terms[-1].name
         self.say(f"{name}, by the recorded angle, does as well as the formula")
-        selected = [*formula.selected, Selected(name, formula.finding.gain, alike)]
+        gain = formula.finding.gain + formula.fit.cost - best.cost
+        selected = [*formula.selected, Selected(name, gain, alike)]
         listed = replace(self.listed, history=[self.calibrated, best], selected=selected)
         return Explanation(self.calibrated, best, listed, selected)
 

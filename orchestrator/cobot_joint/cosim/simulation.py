@@ -27,12 +27,13 @@ from cobot_joint.errors import UserError, among
 from cobot_joint.results.result import Result
 from cobot_joint.system.initial import initial_order
 from cobot_joint.system.model import System, Value
+from cobot_joint.system.parameters import split
 
 log = logging.getLogger("cobot_joint")
 Engine = Literal["native", "reference"]
 Progress = Callable[[float, float], None]  # (simulated time, stop time), s
 Rows = NDArray[np.float64]
-Changes = dict[str, dict[str, Value | Feedback]]  # component -> variable -> value
+Changes = dict[str, dict[str, Value | Callable[[], float]]]  # component -> variable -> value, or what gives it
 ROWS_PER_CHUNK = 10_000
 
 
@@ -203,9 +204,18 @@ class Simulation:
         found: Changes = {c: dict(own) for c, own in check_parameters(self.system, at_zero, during=True).items()}
         for name, x in changes.items():
             if isinstance(x, Feedback):
-                component, variable = name.split(".", 1)
-                found[component][variable] = x
+                component, parameter = split(self.system, name, "parameters")
+                found[component.name][parameter] = self._fed_back(x)
         return found
+
+    def _fed_back(self, x: Feedback) -> Callable[[], float]:
+        """Asked for the moment's value. UserError: it goes by a variable that is not there."""
+        component, variable = split(self.system, x.variable, "Feedback")
+        if variable not in component.unit.variables:
+            known = among(component.unit.variables)
+            raise UserError(f"Feedback: {x.variable!r} is given, {component.name} has {known}")
+        instance = self._instances[component.name]
+        return lambda: x.of(instance.get(variable))
 
     def _coupled(self, e: Experiment) -> Experiment:
         """With scheme and step. Where neither is given and a unit cannot take a step back, the step is estimated."""
@@ -289,12 +299,8 @@ class Simulation:
                 instance = self._instances[component]
                 with instance.explained(f"on setting {among(own)} while time runs"):
                     for name, value in own.items():
-                        instance.set(name, self._fed_back(value) if isinstance(value, Feedback) else value)
+                        instance.set(name, value() if callable(value) else value)
         return due
-
-    def _fed_back(self, value: Feedback) -> float:
-        component, variable = value.variable.split(".", 1)
-        return value.of(self._instances[component].get(variable))
 
     def _result(self, run: _Run, first: int, rows: Rows, failed: bool = False) -> Result:
         signals = {name: np.ascontiguousarray(rows[:, j]) for j, name in enumerate(run.names)}

@@ -92,9 +92,10 @@ def test_a_parameter_can_go_by_what_a_variable_is_then(make_gain: MakeSystem, en
 
 def test_what_a_variable_decides_has_to_be_allowed_as_well(make_gain: MakeSystem) -> None:
     constant = Inputs(np.array([0.0]), {"u": np.array([1.0])})
-    how = Experiment(constant, 1.0, parameter_events=[(0.3, {"gain.no_such": Feedback("gain.y", float)})])
-    with pytest.raises(UserError, match="no_such"):
-        simulate(make_gain(), how)
+    for parameter, variable in (("gain.no_such", "gain.y"), ("gain.k", "gain.no_such"), ("gain.k", "no_such.y")):
+        how = Experiment(constant, 1.0, parameter_events=[(0.3, {parameter: Feedback(variable, float)})])
+        with pytest.raises(UserError, match="no_such"):
+            simulate(make_gain(), how)
 
 
 def test_a_stream_is_the_run_in_pieces(make_oscillator: MakeSystem) -> None:

@@ -130,7 +130,7 @@ def test_what_the_recorded_motion_claims_beside_listed_terms_is_fitted_with_them
     term = TermCandidate(name, f"{name}.A", 0.0, -1.0, 1.0, "N.m")
     candidate: Any = SimpleNamespace(term=term, values={f"{name}.A": 0.1}, onset=None, evidence=900.0)
     search = Search(named=[Named(candidate, (), 0.0, 900.0, {}, in_all)])
-    listed: Any = Selection([SimpleNamespace(cost=5e4)], [Selected("a.drag", 1e6)])  # type: ignore[list-item]
+    listed: Any = Selection([SimpleNamespace(cost=5e4, run=Run())], [Selected("a.drag", 1e6)])  # type: ignore[list-item]
     both = SimpleNamespace(cost=5e4 - gain)
     monkeypatch.setattr(free_runs, "fit_added", lambda problem, at, effects, precision: both)
     plant = SimpleNamespace(terms=[term])

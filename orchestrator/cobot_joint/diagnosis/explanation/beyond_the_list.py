@@ -54,9 +54,8 @@ class BeyondTheList:
     def explanation(self) -> Explanation:
         """The listed terms alone where nothing else does better.
 
-        Where terms that take most leave what stands out, the recorded motion is asked for others beside them. In free
-        runs the angle that a listed term goes by is lost, and a formula along the recorded motion has it: over an angle
-        it gives way to what the motion claims.
+        Where terms that take most leave what stands out, the recorded motion is asked for others beside them. A formula
+        over an angle gives way to a listed wave that does as well by the recorded angle, and to what the motion claims.
         """
         formula, rival = self._formula()
         if formula and (not self._beside_background or self._leaves_nothing(formula)):

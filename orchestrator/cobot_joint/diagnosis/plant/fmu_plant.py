@@ -240,11 +240,14 @@ def _term(component: Component, term: Term) -> TermCandidate | None:
 
 def _angle(component: Component, term: Term) -> tuple[str | None, float]:
     """(the shaft's angle that a wave goes by, periods per turn where its equation has a number), by its equation, as in
-    sin(n*phi + phi_0); (None, 1): it has no phase, or no angle that the unit shows."""
-    phase = next((s.name.rsplit(".", 1)[-1] for s in term.shapes if s.scan == "phase"), None)
-    told = re.search(rf"(?:(\w+)\*)?(\w+) \+ {phase}\b", term.equation) if phase else None
-    name, unit = told[2] if told else "", component.unit
-    if told is None or name not in unit.variables or unit.unit_of(name) != "rad":
+    sin(n*phi + phi_0); (None, 1): it has no phase that may change on the way, or no angle that the unit shows."""
+    phase, unit = next((s.name for s in term.shapes if s.scan == "phase"), None), component.unit
+    if phase is None or unit.variables[phase].variability != "tunable":  # it has to change while time runs
+        return None, 1.0
+    told = re.search(rf"(?:(\w+)\*)?(\w+) \+ {phase.rsplit('.', 1)[-1]}\b", term.equation)
+    name = told[2] if told else ""
+    shown = name in unit.variables and unit.variables[name].causality in ("input", "output")
+    if told is None or not shown or unit.unit_of(name) != "rad":
         return None, 1.0
     return f"{component.name}.{name}", float(told[1]) if told[1] and told[1].isdigit() else 1.0
 

@@ -224,7 +224,7 @@ def _beside_claimed(problem: Problem, found: Explanation, select: Select, say: P
     if outside is None:
         return None
     beside = _with_formula(problem, calibrated, outside, say)
-    enough = thresholds.HOLDS * (calibrated.chi2 - problem.samples)
+    enough = thresholds.HOLDS * problem.above(calibrated.residual)
     return beside if calibrated.cost - beside.fit.cost >= enough else None
 
 

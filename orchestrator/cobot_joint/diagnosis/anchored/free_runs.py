@@ -87,7 +87,7 @@ def felt(problem: Problem, base: Fit, listed: Fit, search: Search) -> Search:
     for x, t in zip(own, late, strict=True):
         together = together.with_values(x, t)
     *each, every = problem.simulate([*runs, together])
-    left = max(base.chi2 - problem.samples, 0.0)
+    left = problem.above(base.residual)
     named_all = np.inf if every is None else float(np.sum((problem.recorded - every.white) ** 2))
     rest = max(min(named_all, listed.chi2) - problem.samples, 0.0)
     named = []

@@ -89,7 +89,7 @@ def fitted(problem: Problem, start: Fit, effects: Sequence[Acting]) -> Fit | Non
         if not problem.unexplained(best.residual):
             break
         further = fit_on(problem, best.settled(), FURTHER)
-        if further is None or best.cost - further.cost < max(10.0, FURTHER.roughly * (best.chi2 - problem.samples)):
+        if further is None or best.cost - further.cost < max(10.0, FURTHER.roughly * problem.above(best.residual)):
             best = further if further is not None and further.cost < best.cost else best
             break
         best = further

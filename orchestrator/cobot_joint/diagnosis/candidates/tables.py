@@ -69,7 +69,7 @@ def look_for_table(
     speeds_that_take: only tables over speeds and places, and of them those that take this share of what is above noise
     in the recordings one by one.
     """
-    above = max(problem.excess(start.residual), start.chi2 - problem.samples, 1e-9)
+    above = problem.above(start.residual)
     arguments = over_any if speeds_that_take is None else over_motion
     outputs = problem.outputs(start.run, list(dict.fromkeys(s for port in ports for s in port.signals)))
     best: tuple[float, Dictionary, int] | None = None

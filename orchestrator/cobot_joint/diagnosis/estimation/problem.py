@@ -268,6 +268,11 @@ class Problem:
         """`excess_by_block`, all of it."""
         return float(sum(part.sum() for part in self.excess_by_block(residual)))
 
+    def above(self, residual: Vector) -> float:
+        """Chi-square above noise, more than none: all of it, or `excess` where the noise that is said or estimated is
+        larger than what is left."""
+        return max(float(residual @ residual) - self.samples, self.excess(residual), 1e-9)
+
     @property
     def excess_scatter(self) -> float:
         """1 sigma of `excess` when only noise is left"""
@@ -275,16 +280,14 @@ class Problem:
 
     def unexplained(self, residual: Vector) -> bool:
         """Whether more is left than noise leaves."""
-        left, above = self.excess(residual), float(residual @ residual) - self.samples
         by_chance = thresholds.LEFT_SIGMA * np.sqrt(2 * self.samples)
-        if above > max(thresholds.LEFT_SHARE * self.samples, by_chance):
+        if float(residual @ residual) - self.samples > max(thresholds.LEFT_SHARE * self.samples, by_chance):
             return True
-        return left > thresholds.LEFT_SIGMA * self.excess_scatter
+        return self.excess(residual) > thresholds.LEFT_SIGMA * self.excess_scatter
 
     def stands_out(self, residual: Vector) -> bool:
         """Whether what is left is, rms, so far above the noise that anyone would see it."""
-        above = float(residual @ residual) - self.samples
-        return max(self.excess(residual), above) > thresholds.LEFT_SIGMA**2 * self.samples
+        return self.above(residual) > thresholds.LEFT_SIGMA**2 * self.samples
 
     def stretches(self, residual: Vector) -> NDArray[np.intp] | None:
         """Of every row the number of its stretch, a `STRETCHES`th of a recording, all channels together: (rows,)

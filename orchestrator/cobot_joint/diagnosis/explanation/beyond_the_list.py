@@ -258,7 +258,7 @@ class BeyondTheList:
         none is looked for. Not where it takes next to nothing of them: what they leave is then its own, its angle lost.
         """
         both = self._claimed_freely(found)
-        above = self.calibrated.chi2 - self.problem.samples
+        above = self.problem.above(self.calibrated.residual)
         if both is None or self.calibrated.cost - both[0].cost < thresholds.WORTH * above:
             return None
         claimed = replace(self.listed.up_to(0), history=[self.calibrated, both[0]], selected=both[1])

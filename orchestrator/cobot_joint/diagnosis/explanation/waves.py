@@ -48,11 +48,11 @@ def by_recorded_angle(problem: Problem, listed: Selection, beside: Selector, say
         return listed
     base, best = listed.history[0], listed.fit
     for start in (listed.up_to(0), listed) if listed.selected else (listed,):
-        above = start.fit.chi2 - problem.samples
+        above = problem.above(start.fit.residual)
         found = _fitted(
             problem, start.fit, _that_show(problem, start.fit), beside.probes(base), thresholds.HOLDS * above
         )
-        least = thresholds.WORTH * (best.chi2 - problem.samples)
+        least = thresholds.WORTH * problem.above(best.residual)
         if not found or best.cost - found[0].cost < max(problem.evidence, least):
             continue
         wave, *others = _by_its_own_angle(problem, found[0]), *found[1:]
@@ -71,7 +71,7 @@ def in_place_of(problem: Problem, formula: Unmodelled, probes: Mapping[str, floa
     start = _without_signal(problem, formula.fit)
     if start is None:
         return []
-    least = thresholds.HOLDS * (start.chi2 - problem.samples)
+    least = thresholds.HOLDS * problem.above(start.residual)
     return _fitted(problem, start, _candidates(problem, formula), probes, least, formula.finding.onset)
 
 

@@ -51,7 +51,7 @@ class Competition:
         out, sensitivities mislead: others are tried that do well as they are. Where one leaves nothing, only its equals
         are, and the same physics in other units: a gear's Stribeck friction of 94 % was the motor's.
         """
-        above = max(best.chi2 - self.problem.samples, 0.0)
+        above = self.problem.above(best.residual)
         top = max((s.gain for s in ranked), default=0.0)
         worth = max(least, thresholds.WORTH_FITTING * top)
         first = not best.hypothesis.effects
@@ -112,7 +112,7 @@ class Competition:
             found = later
         if found is None or _is_hopeless(best, found.cost, lowest):
             return found
-        little = best.cost - found.cost < thresholds.WORTH_FITTING * (best.chi2 - self.problem.samples)
+        little = best.cost - found.cost < thresholds.WORTH_FITTING * self.problem.above(best.residual)
         return found if little and not active.term.episode else self.with_onset(found)
 
     def setting_in(self, best: Fit, ranked: Sequence[Score], onset: float) -> Fit | None:

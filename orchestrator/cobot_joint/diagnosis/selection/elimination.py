@@ -97,7 +97,7 @@ def worth_naming(problem: Problem, calibrated: Fit, selection: Selection) -> Sel
 
     No model of a real machine leaves nothing but noise, so what stays unexplained is no measure there.
     """
-    above = calibrated.chi2 - problem.samples
+    above = problem.above(calibrated.residual)
     kept = _worth(selection, thresholds.WORTH * above)
     return kept if kept.selected else _worth(selection.up_to(1), thresholds.LEAST * above)
 

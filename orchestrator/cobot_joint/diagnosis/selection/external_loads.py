@@ -71,9 +71,10 @@ def look_for_unlogged_load(
     predicted_share: of what a fit leaves above noise, that the best listed term is predicted to take. Where that is not
     half, loads need not explain all: what is left beside them may be a background.
     """
-    above, spans = calibrated.chi2 - problem.samples, short_times(problem, calibrated.residual)
+    above, spans = problem.above(calibrated.residual), short_times(problem, calibrated.residual)
     if not spans or not problem.unexplained(calibrated.residual):
         return None
+    say("the difference is confined to short times: looking for loads that were not logged")
     proposed = [p for port in _unlogged(problem) if (p := pulses(problem, calibrated, port, spans))]
     for proposal in (p for p in proposed if p.gain > thresholds.ALONE * above):
         fit = fitted(problem, calibrated, proposal.effects)
@@ -143,14 +144,14 @@ def _best(problem: Problem, start: Fit, spans: Spans, say: Say) -> tuple[Fit, Po
     def weight(proposal: Loads) -> float:
         return proposal.gain * (thresholds.UNLOGGED if proposal.port in unlogged else 1.0)
 
-    above = start.chi2 - problem.samples
+    above = problem.above(start.residual)
     best: tuple[Fit, Port] | None = None
     for proposal in sorted(proposed, key=weight, reverse=True)[:FITTED]:
         if weight(proposal) < thresholds.WORTH_FITTING * above or (best and not problem.unexplained(best[0].residual)):
             break
         fit = fitted(problem, start, proposal.effects)
         if fit is not None:
-            say(f"{proposal.port.name}: {share(fit.chi2 - problem.samples, above)} of what is above noise is left")
+            say(f"{proposal.port.name}: {share(problem.above(fit.residual), above)} of what is above noise is left")
             best = (fit, proposal.port) if best is None or fit.cost < best[0].cost else best
     return best
 
@@ -159,7 +160,7 @@ def _with_terms(
     problem: Problem, best: Fit, selected: list[Selected], select: Select, say: Say
 ) -> tuple[Fit, list[Selected]]:
     """Loads and terms, where listed terms take what loads leave."""
-    say(f"{len(acting(best))} external loads: {max(best.chi2 - problem.samples, 0.0):.0f} above noise is left")
+    say(f"{len(acting(best))} external loads: {problem.above(best.residual):.0f} above noise is left")
     if not problem.unexplained(best.residual):
         return best, selected
     further = select(best)

@@ -131,7 +131,7 @@ def look_for_misreading(problem: Problem, calibrated: Fit) -> Misread | None:
     """
     if problem.is_table or not problem.unexplained(calibrated.residual):
         return None
-    above, before = calibrated.chi2 - problem.samples, max(problem.excess(calibrated.residual), 1e-9)
+    above, before = problem.above(calibrated.residual), max(problem.excess(calibrated.residual), 1e-9)
     channels = suspects(problem, calibrated)
     fitted: list[Misread] = []
     for suspect in channels[:TRIED]:

@@ -156,6 +156,6 @@ def _fitted(problem: Problem, calibrated: Fit, stamps: Stamps) -> Fit | None:
     begun = fit(problem, hypothesis, x, np.column_stack([calibrated.jacobian, own]), PROMISING)
     if begun is None:
         return None
-    above, left = (found.chi2 - problem.samples for found in (calibrated, begun))
+    above, left = (problem.above(found.residual) for found in (calibrated, begun))
     promised = left - predicted_decrease(begun)
     return fit_on(problem, begun, FINISHED) if promised < thresholds.REMAINDER * above else None

@@ -64,7 +64,7 @@ class Outside:
 
     def confidence(self, problem: Problem) -> float:
         """In the parameter: by the share that it takes, or by how little is left."""
-        left, excess = max(self.fit.chi2 - problem.samples, 0.0), max(problem.excess(self.fit.residual), 0.0)
+        left, excess = problem.above(self.fit.residual), max(problem.excess(self.fit.residual), 0.0)
         rows = problem.is_table and problem.unexplained(self.fit.residual)
         much = rows or excess > thresholds.CLEARLY_LEFT * problem.excess_scatter
         return beside_background(self.gain / (self.gain + left)) if much else confidence(self.gain, excess)
@@ -99,7 +99,7 @@ def look_outside(
     """
     if not problem.unexplained(calibrated.residual):
         return None
-    above, first = max(calibrated.chi2 - problem.samples, 0.0), max((s.gain for s in selected), default=0.0)
+    above, first = problem.above(calibrated.residual), max((s.gain for s in selected), default=0.0)
     taken = calibrated.cost - explained.cost if selected else thresholds.HOLDS * above
     beside = problem.stands_out(explained.residual)
     best = leaves_least(problem, calibrated, thresholds.WORTH_FITTING * max(taken if len(selected) < 2 else first, 0.0))
@@ -144,7 +144,7 @@ def in_place_of(problem: Problem, calibrated: Fit, formula: Unmodelled, say: Say
     """The parameter that does as well as a formula beside listed terms, which does not outdo it: a voltage that goes as
     the current is a resistance (machine 127/12). None: there are no such terms, or no such parameter."""
     rest = without(problem, formula.fit, lambda effect: isinstance(effect, PortSignal)) if formula.selected else None
-    least = thresholds.HOLDS * (rest.chi2 - problem.samples) if rest is not None else 0.0
+    least = thresholds.HOLDS * problem.above(rest.residual) if rest is not None else 0.0
     best = leaves_least(problem, rest, least) if rest is not None else None
     if best is None or rest is None or formula.outdoes(problem, best):
         return None
@@ -164,7 +164,7 @@ def _in_place_of_one(
     """A parameter that does as well as one of several listed terms, beside the others: a sensor's gain of 3 % had stood
     in for a brake's torque per ampere, and a dead time without an edge for a winding's resistance. As well: the term
     leaves less by no more than a further one would need to take."""
-    slack = thresholds.ALIKE + thresholds.WORTH * max(explained.chi2 - problem.samples, 0.0)
+    slack = thresholds.ALIKE + thresholds.WORTH * problem.above(explained.residual)
     for term in sorted(selected, key=lambda s: s.gain):
         rest = without_terms(problem, explained, {term.term})
         best = _nearby(problem, rest, thresholds.ALONE * (rest.cost - explained.cost), 1) if rest is not None else None
@@ -187,7 +187,7 @@ def _beside(
     problem: Problem, calibrated: Fit, explained: Fit, selected: Sequence[Selected], say: Say
 ) -> Outside | None:
     """A parameter that listed terms need as well: beside them, or those that it makes needless, it leaves a third."""
-    best = leaves_least(problem, explained, thresholds.WORTH * max(explained.chi2 - problem.samples, 0.0), tried=1)
+    best = leaves_least(problem, explained, thresholds.WORTH * problem.above(explained.residual), tried=1)
     if best is None or not _leaves_less(problem, best, explained):
         return None
     fewer, kept = kept_beside(problem, best, selected)

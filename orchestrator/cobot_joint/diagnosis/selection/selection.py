@@ -37,7 +37,7 @@ class Selection:
     def taken(self, problem: Problem) -> dict[str, float]:
         """Term -> what it takes, as a share of that and of what nothing explains; never more than its fellows on
         average, since patches take much together and little each."""
-        before, left = (max(fit.chi2 - problem.samples, 1e-9) for fit in (self.history[0], self.fit))
+        before, left = (problem.above(fit.residual) for fit in (self.history[0], self.fit))
         average = 1 - min(left / before, 1.0) ** (1 / max(len(self.selected), 1))
         return {s.term: min(s.gain / (s.gain + left), average) for s in self.selected}
 

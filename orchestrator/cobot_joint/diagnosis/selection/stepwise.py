@@ -106,7 +106,7 @@ class Selector:
         look = partial(self._alone, base, dict.fromkeys([None, *begins]))
         one = self.problem.budget.spend("one term instead of others", look)
         late = one is not None and one.hypothesis.terms[-1].onset is not None
-        freer = thresholds.WORTH * (best.chi2 - self.problem.samples) if late or len(so_far.selected) == 1 else 0.0
+        freer = thresholds.WORTH * self.problem.above(best.residual) if late or len(so_far.selected) == 1 else 0.0
         if one is None or best.cost - one.cost < max(self.problem.evidence, freer):
             return None
         name = one.hypothesis.terms[-1].name
@@ -151,7 +151,7 @@ class Selector:
     def _is_worth_it(self, so_far: Selection, winner: Fit) -> bool:
         """Whether the last term is more than a patch on what is there."""
         best, term = so_far.fit, winner.hypothesis.terms[-1].name
-        gain, above = best.cost - winner.cost, best.chi2 - self.problem.samples
+        gain, above = best.cost - winner.cost, self.problem.above(best.residual)
         if gain < (thresholds.INEXACT * self._taken(so_far) if so_far.selected else thresholds.LEAST * above):
             self.progress(f"{term} takes {share(gain, above)} of what is above noise: too little for a name")
             return False
@@ -181,12 +181,12 @@ class Selector:
         left = self.problem.excess(winner.residual), self.problem.excess(best.residual)
         if left[0] <= (1 - thresholds.HOLDS) * left[1]:
             return False
-        enough = best.cost - winner.cost > thresholds.LEAST * (best.chi2 - self.problem.samples)
+        enough = best.cost - winner.cost > thresholds.LEAST * self.problem.above(best.residual)
         return not (enough and self._may_predict(best) and predicts(self.problem, best, winner))
 
     def _added(self, so_far: Selection, winner: Fit, fitted: dict[str, Fit]) -> Selection:
         best, term = so_far.fit, winner.hypothesis.terms[-1].name
-        gain, above = best.cost - winner.cost, best.chi2 - self.problem.samples
+        gain, above = best.cost - winner.cost, self.problem.above(best.residual)
         alike = {n: f.cost - winner.cost for n, f in fitted.items() if n != term and self.as_good(f, winner)}
         self.progress(f"{term} takes {share(gain, above)} of what is above noise")
         added = Selected(term, gain, alike)
@@ -234,7 +234,7 @@ class Selector:
 
         Of what stands out sensitivities predict too little; there it is enough that one does well as it is.
         """
-        above = best.chi2 - self.problem.samples
+        above = self.problem.above(best.residual)
         gain = max((s.gain for s in ranked), default=0.0)
         if gain >= (thresholds.LEAST if self._may_predict(best) else thresholds.HOLDS) * above:
             return False
@@ -264,7 +264,7 @@ class Selector:
         """Share of what a fit leaves above noise that a term which acts for the whole time would take."""
         ranked = scores(self.problem, best, self.scan.columns(best))
         gain = max((s.gain for s in ranked if not s.term.episode), default=0.0)
-        return gain / max(best.chi2 - self.problem.samples, 1e-9)
+        return gain / self.problem.above(best.residual)
 
     def in_every_unit(self, winner: Fit) -> Fit:
         """Where the last term is as large as it can be, the same term also in the unit that responds alike.
@@ -297,7 +297,7 @@ class Selector:
         A large term's claim is checked without it anyhow, so that a small share of what is above noise may be left.
         """
         doubt = 0.5 * thresholds.BEYOND_DOUBT * self.problem.evidence
-        may_leave = min(SETTLED * (best.chi2 - self.problem.samples), doubt)
+        may_leave = min(SETTLED * self.problem.above(best.residual), doubt)
         if predicted_decrease(best) < max(self.problem.evidence, may_leave):
             return best
         found = fit(self.problem, best.hypothesis, best.x, None, finished(3, steps=30))

@@ -66,6 +66,16 @@ def test_the_excess_is_that_of_its_blocks_and_sees_slow_structure() -> None:
     assert problem.unexplained(residual)
 
 
+def test_what_is_above_noise_is_what_is_slow_where_the_noise_is_said_to_be_larger_than_all_that_is_left() -> None:
+    problem = with_gap(0.0)
+    noise = np.random.default_rng(2).standard_normal(problem.rows)
+    loud, quiet = 0.5 + noise, 0.5 + 0.3 * noise
+    assert problem.above(loud) == pytest.approx(0.25 * problem.samples, rel=0.1)
+    assert quiet @ quiet < problem.samples
+    assert problem.above(quiet) == problem.excess(quiet) > 0
+    assert problem.above(0 * noise) > 0  # shares of it are asked for
+
+
 def test_signals_at_one_port_add_up() -> None:
     a, b = np.ones(3), np.array([0.0, 1.0, 2.0])
     run = Run().with_signals("axis.tau_add", {"run0": a}).with_signals("axis.tau_add", {"run0": b, "run1": b})

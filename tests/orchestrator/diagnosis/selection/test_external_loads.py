@@ -14,18 +14,23 @@ from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.engine import identify
 from cobot_joint.diagnosis.estimation.effects import LoadPulse
 from cobot_joint.diagnosis.estimation.fit import Fit
-from cobot_joint.diagnosis.estimation.problem import Vector
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
+from cobot_joint.diagnosis.estimation.least_squares import fit
+from cobot_joint.diagnosis.estimation.noise import Noise
+from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 from cobot_joint.diagnosis.findings import Diagnosis, Finding, LoadHistory
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.repair.verify import acted_on
+from cobot_joint.diagnosis.selection import external_loads
 from cobot_joint.diagnosis.selection.external_loads import look_for_external_loads, look_for_unlogged_load, short_times
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.stepwise import Selector
 from cobot_joint.system.read import load_system
-from tests.orchestrator.diagnosis.bench import SETUPS, TIME, calibrated, recordings
+from tests.orchestrator.diagnosis.bench import NOISE, SETUPS, TIME, calibrated, recordings
 
 HELD = np.interp(TIME, [1.30, 1.36, 1.46, 1.56], [0.0, 1.5, 1.5, 0.0])  # N.m; a grip while the joint runs forwards
 JUMP = np.where(TIME >= 1.5, 0.02, 0.0)  # rad, at the brake shaft
+LOUD = 12.0  # times the noise that there is
 
 
 def nothing(start: Fit) -> Selection:
@@ -71,6 +76,21 @@ def test_a_hand_beside_a_background_is_named_unless_a_listed_term_promises_half_
         assert found.finding.term == "mr_brake_belt.external_torque"
         assert found.finding.confidence > 0.5
         assert look_for_unlogged_load(problem, base, nothing, silent, lambda fit: 0.6) is None
+
+
+def test_loads_are_not_fitted_to_what_lies_below_the_noise_unless_they_promise_nearly_all_of_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # what is left was less, in all, than the noise that a campaign gave, and any load promised more than that
+    monkeypatch.setattr(external_loads, "fitted", lambda *_: pytest.fail("loads were fitted"))
+    with calibrated({}, added={"mr_brake_belt.stretch_add": JUMP}) as (fine, _):
+        problem = Problem(fine.plant, fine.recordings, {n: Noise(LOUD * s) for n, s in NOISE.items()}, jobs=1)
+        base = fit(problem, Hypothesis(()))
+        assert base is not None
+        assert short_times(problem, base.residual)
+        assert problem.unexplained(base.residual)
+        assert base.chi2 < problem.samples
+        assert look_for_unlogged_load(problem, base, nothing, silent) is None
 
 
 def test_a_belt_that_jumped_is_unlisted_with_the_angle_and_the_moment() -> None:

@@ -13,7 +13,7 @@ def remains(problem: Problem, first: Fit, *others: Fit) -> list[float]:
     Means over 16 samples are blind to a wave of a fast shaft; in all of it impacts count that are out of step.
     """
     slow = [problem.excess(fit.residual) for fit in (first, *others)]
-    every = [fit.chi2 - problem.samples for fit in (first, *others)]
+    every = [problem.above(fit.residual) for fit in (first, *others)]
     if slow[0] > thresholds.HOLDS * every[0]:
         return [max(left, problem.excess_scatter) for left in slow]
     unseen = max((2 * problem.samples) ** 0.5, thresholds.LEFT_SHARE * problem.samples)

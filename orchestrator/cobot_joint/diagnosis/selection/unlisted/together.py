@@ -62,7 +62,7 @@ def _with_parameter(problem: Problem, listed: Selection, start: Fit, others: lis
     """The parameter outside its tolerance that does best beside these forms, and what does best beside it."""
     if not problem.unexplained(start.residual):
         return None
-    free = leaves_least(problem, start, thresholds.WORTH_FITTING * (start.chi2 - problem.samples))
+    free = leaves_least(problem, start, thresholds.WORTH_FITTING * problem.above(start.residual))
     rest = without(problem, free, _is_signal) if free is not None else None
     found = look_at_ports(problem, rest, [], say, thresholds.ALONE) if rest is not None else None
     if found is None or rest is None or not found.is_likely or acts_where(found, rest, {}):

@@ -155,7 +155,7 @@ def look_at_ports(
         return _over_motion(problem, start, answer, say)
     found = _best(problem, start, places, answer)
     takes_all = found is not None and found.taken > thresholds.ENOUGH
-    if not takes_all and places[0].points < least * (start.chi2 - problem.samples):
+    if not takes_all and places[0].points < least * problem.above(start.residual):
         return None
     near = [p for p in places[:2] if p.columns and p.points > thresholds.NEAR_PORT * places[0].points]
     for _ in range(CLOSER):
@@ -166,8 +166,8 @@ def look_at_ports(
         closer = _best(problem, start, places, answer)
         if closer is None or (found is not None and closer.finding.gain < found.finding.gain):
             break
-        little = found is not None and closer.finding.gain - found.finding.gain < thresholds.LEAST * (
-            found.fit.chi2 - problem.samples
+        little = found is not None and closer.finding.gain - found.finding.gain < thresholds.LEAST * problem.above(
+            found.fit.residual
         )
         found = closer
         if little or not problem.stands_out(found.fit.residual):
@@ -184,7 +184,7 @@ def look_at_ports(
         tabled = answer(table.choice, table=table) if table else None
         found = tabled if found is None or (tabled is not None and _much_better(tabled, found)) else found
     if found is not None:
-        above = start.chi2 - problem.samples
+        above = problem.above(start.residual)
         say(f"a signal at {found.finding.component} takes {share(found.finding.gain, above)} of what is above noise")
     return found
 
@@ -195,7 +195,7 @@ def _over_motion(problem: Problem, start: Fit, answer: Answer, say: Say) -> Unmo
     if not problem.stands_out(start.residual):
         return None
     table = look_for_table(problem, start, problem.plant.ports, say, speeds_that_take=thresholds.HOLDS)
-    much = table is not None and table.choice.gain > thresholds.ALONE * (start.chi2 - problem.samples)
+    much = table is not None and table.choice.gain > thresholds.ALONE * problem.above(start.residual)
     return answer(table.choice, table=table) if table is not None and much else None
 
 
@@ -331,7 +331,7 @@ def _answer(
 def _weighed(problem: Problem, start: Fit, found: Fit, finding: Finding) -> Finding:
     """With what the fit takes from one without it, and how sure that makes it."""
     gained = start.cost - found.cost
-    left, above = max(problem.excess(found.residual), 0.0), max(found.chi2 - problem.samples, 0.0)
+    left, above = max(problem.excess(found.residual), 0.0), problem.above(found.residual)
     sure = confidence(gained, left, unlisted=True)
     if left > thresholds.CLEARLY_LEFT * problem.excess_scatter:
         sure = max(sure, beside_background(gained / (gained + above), unlisted=True))

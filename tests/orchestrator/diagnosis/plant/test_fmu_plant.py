@@ -10,7 +10,7 @@ import pytest
 
 from cobot_joint.cosim import Feedback, SimulationError
 from cobot_joint.diagnosis.data.recording import Recording
-from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
+from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant, _angle
 from cobot_joint.system import Component, System, load_system
 from cobot_joint.units import find_fmu, load_unit
 
@@ -79,6 +79,22 @@ def test_a_wave_without_an_order_has_the_periods_of_its_equation() -> None:
         (term,) = (t for t in plant.terms if t.name == "gear.kinematic_error")
     assert term.periods({}) == 2
     assert term.angle == "gear.phi"
+
+
+@pytest.mark.parametrize(
+    ("name", "attribute", "value"),
+    [("cogging.phi_0", "variability", "fixed"), ("phi", "causality", "local")],
+    ids=["its phase may not change while time runs", "its angle is shown nowhere"],
+)
+def test_a_wave_that_cannot_go_by_a_recorded_angle_has_none(
+    monkeypatch: pytest.MonkeyPatch, name: str, attribute: str, value: str
+) -> None:
+    """A unit of other people's making would have ended the diagnosis with an error."""
+    motor = Component("motor", "motor_bldc.fmu", load_unit(find_fmu("motor_bldc.fmu")))
+    (term,) = (term for term in motor.unit.terms if term.name == "cogging")
+    assert _angle(motor, term) == ("motor.phi", 1.0)
+    monkeypatch.setattr(motor.unit.variables[name], attribute, value)
+    assert _angle(motor, term) == (None, 1.0)
 
 
 def test_a_tooth_whose_phase_goes_back_as_the_shaft_turns_is_a_constant_torque() -> None:

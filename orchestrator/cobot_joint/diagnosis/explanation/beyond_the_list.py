@@ -64,6 +64,8 @@ class BeyondTheList:
             return wave
         outdone = bool(formula and formula.is_likely and formula.outdoes(self.problem, self.listed.fit))
         if pair := self._pair(formula, rival):
+            if isinstance(pair, Outside):
+                return self._of_outside(pair)
             if pair.outside or not self._is_lost(pair.formula):
                 return self._of(pair.formula, pair.outside)
             formula, outdone = pair.formula, True
@@ -80,6 +82,8 @@ class BeyondTheList:
             return self._of_listed(self._stands, anchored=found, rival=rival)
         if formula and formula.is_likely and ((outdone and not (found and lost)) or not self._claims(found, formula)):
             pair = self._together(formula, formula) if self._is_lost(formula) else None
+            if isinstance(pair, Outside):
+                return self._of_outside(pair)
             return self._of(pair.formula, pair.outside) if pair else self._of(formula)
         if found and (any(n.shows for n in found.named) or not self._stands):
             return self._beside_the_claimed(found) or self._of_listed([], anchored=found)
@@ -152,14 +156,14 @@ class BeyondTheList:
         listed = replace(self.listed, history=[self.calibrated, best], selected=selected)
         return Explanation(self.calibrated, best, listed, selected)
 
-    def _pair(self, formula: Unmodelled | None, rival: Unmodelled | None) -> Pair | None:
+    def _pair(self, formula: Unmodelled | None, rival: Unmodelled | None) -> Pair | Outside | None:
         """What is on no list, and a listed term or a parameter, where listed terms leave what stands out, and the best
         formula does, too: neither may show what it is without the other. Where listed terms take most, beside such a
         formula only. What goes by an angle that free runs lose is asked of the motion first."""
         likely = next((f for f in (formula, rival) if f and f.is_likely), None)
         return None if likely and self._is_lost(likely) else self._together(formula, likely)
 
-    def _together(self, formula: Unmodelled | None, likely: Unmodelled | None) -> Pair | None:
+    def _together(self, formula: Unmodelled | None, likely: Unmodelled | None) -> Pair | Outside | None:
         """likely: the formula, or a rival of listed terms, if one of them is."""
         if not self.much or self.given or self.problem.is_table:
             return None
@@ -271,6 +275,9 @@ class BeyondTheList:
     def _of(self, formula: Unmodelled, outside: Outside | None = None) -> Explanation:
         found = Explanation(self.calibrated, formula.fit, self.listed, formula.selected, formula)
         return replace(found, outside=outside)
+
+    def _of_outside(self, found: Outside) -> Explanation:
+        return Explanation(self.calibrated, found.fit, found.selection, found.selection.selected, outside=found)
 
     def _of_listed(self, selected: list[Selected], anchored: Search, rival: Unmodelled | None = None) -> Explanation:
         return Explanation(self.calibrated, self.listed.fit, self.listed, selected, anchored=anchored, rival=rival)

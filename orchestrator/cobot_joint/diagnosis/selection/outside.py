@@ -140,6 +140,19 @@ def let_go(
     return Outside(more, gain, alike) if gain is not None else None
 
 
+def beside_listed(problem: Problem, freed: Fit, formula: Unmodelled, select: Select) -> Outside | None:
+    """A parameter with listed terms that do as well beside it as the formula does: a sensor's offset is no constant on
+    no list (machine 227/26). None: there are none, or the formula outdoes them, or the parameter is not needed.
+
+    freed: with the parameter, without the formula.
+    """
+    more = select(freed)
+    if not more.selected or formula.outdoes(problem, more.fit):
+        return None
+    gain = _needed(problem, more.fit)
+    return Outside(more, gain, ()) if gain is not None else None
+
+
 def in_place_of(problem: Problem, calibrated: Fit, formula: Unmodelled, say: Say) -> Outside | None:
     """The parameter that does as well as a formula beside listed terms, which does not outdo it: a voltage that goes as
     the current is a resistance (machine 127/12). None: there are no such terms, or no such parameter."""

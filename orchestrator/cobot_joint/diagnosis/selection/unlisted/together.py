@@ -13,7 +13,7 @@ from cobot_joint.diagnosis.estimation.port_response import refit
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.selection.confidence import beside_background
 from cobot_joint.diagnosis.selection.elimination import without
-from cobot_joint.diagnosis.selection.outside import Outside, held, leaves_least
+from cobot_joint.diagnosis.selection.outside import Outside, beside_listed, held, leaves_least
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.stepwise import Selector
 from cobot_joint.diagnosis.selection.unlisted.remains import remains
@@ -32,9 +32,10 @@ class Pair:
 
 def look_together(
     problem: Problem, listed: Selection, formula: Unmodelled | None, selector: Selector, say: Say
-) -> Pair | None:
+) -> Pair | Outside | None:
     """Forms at a port, the parameter or the listed term that does best beside them, and what does best beside that.
-    None: no such pair explains the residual, or one of the two is not needed.
+    None: no such pair explains the residual, or one of the two is not needed. Outside: listed terms do as well as the
+    forms beside the parameter.
 
     listed: the base model, and with all listed terms that were selected without a formula. formula: the best alone.
     """
@@ -43,7 +44,7 @@ def look_together(
     starts = [formula.fit] if formula and alone else _first_forms(problem, listed.history[0])
     others = [formula.fit] if formula else []
     for start in starts:
-        if pair := _with_parameter(problem, listed, start, others, say):
+        if pair := _with_parameter(problem, listed, start, others, selector, say):
             return pair
     for start in starts:
         term = selector.round(Selection([start]))
@@ -58,7 +59,9 @@ def look_together(
     return None
 
 
-def _with_parameter(problem: Problem, listed: Selection, start: Fit, others: list[Fit], say: Say) -> Pair | None:
+def _with_parameter(
+    problem: Problem, listed: Selection, start: Fit, others: list[Fit], selector: Selector, say: Say
+) -> Pair | Outside | None:
     """The parameter outside its tolerance that does best beside these forms, and what does best beside it."""
     if not problem.unexplained(start.residual):
         return None
@@ -70,6 +73,9 @@ def _with_parameter(problem: Problem, listed: Selection, start: Fit, others: lis
     inside = held(problem, found.fit)
     if inside is None or not _both_needed(problem, listed, [start, inside, *others], found):
         return None
+    if terms := beside_listed(problem, rest, found, selector.select):
+        say(f"{terms.name} outside its tolerance, and listed terms beside it")
+        return terms
     gain = inside.cost - found.fit.cost
     outside = Outside(Selection([listed.history[0], found.fit]), gain, ())
     say(f"{outside.name} outside its tolerance, and beside it a signal at {found.finding.component}")

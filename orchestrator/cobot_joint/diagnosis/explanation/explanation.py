@@ -57,6 +57,8 @@ def answer(problem: Problem, explanation: Explanation) -> Diagnosis:
         findings = [_beside(f, explanation.rival) if f.term in instead_of else f for f in findings]
     if problem.stands_out(explanation.fit.residual) and not problem.is_table:
         findings = [f.limited(BESIDE_MUCH, "what is left stands out from the noise") for f in findings]
+    if explanation.anchored and not explanation.anchored.named:
+        findings = [f.withheld("it does not show along the recorded motion") for f in findings]
     if misread:  # which of them it is, the recordings cannot say
         findings = [f.withheld("a channel that is misread would explain as much") for f in findings]
     findings = sorted((_together(f, findings) for f in findings), key=lambda f: -f.gain)

@@ -29,13 +29,14 @@ from tests.orchestrator.diagnosis.axis import NOMINAL, OFF, Axis, campaign
 FORMULA = "axis.unlisted"
 
 
-def drifting() -> Campaign:
-    """A torque that wanders over the time of each run: no term has it, and no formula of the motion."""
-    case = campaign(OFF)
+def drifting(truth: dict[str, float] = OFF, size: float = 2e-4) -> Campaign:
+    """A torque that wanders over the time of each run: no term has it, and no formula of the motion. size: of its
+    steps, N.m"""
+    case = campaign(truth)
     for seed, recording in enumerate(case.recordings):
-        wander = lfilter([1.0], [1.0, -0.995], np.random.default_rng(seed).normal(0, 2e-4, len(recording.time)))
-        clean = Axis().simulate(OFF, recording, added={"axis.tau_add": wander})
-        recording.outputs["w"] = recording.outputs["w"] - Axis().simulate(OFF, recording)["w"] + clean["w"]
+        wander = lfilter([1.0], [1.0, -0.995], np.random.default_rng(seed).normal(0, size, len(recording.time)))
+        clean = Axis().simulate(truth, recording, added={"axis.tau_add": wander})
+        recording.outputs["w"] = recording.outputs["w"] - Axis().simulate(truth, recording)["w"] + clean["w"]
     return case
 
 
@@ -49,6 +50,25 @@ def test_where_terms_leave_more_than_noise_and_the_motion_gives_none_a_name_a_ba
     assert found.verdict == "undecided"  # it stands out
     assert found.findings == []
     assert found.to_json()["discrepancy"] == stated
+
+
+@pytest.mark.parametrize(("takes", "said"), [(0.6, True), (0.4, False)])
+def test_a_term_that_takes_half_of_what_is_left_is_the_closest_and_no_claim_where_the_motion_names_nothing(
+    takes: float, said: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A gear's error that took 68 % was said to be diffuse (machine 227/9)."""
+    drag = [{"port": "axis.tau_add", "variable": "w", "rms": 2e-3, "unit": "N.m"}]
+    monkeypatch.setattr(beyond, "can_follow", lambda campaign, plant: True)
+    monkeypatch.setattr(beyond, "follow", lambda campaign, plant, say, in_runs, start: Search(background=drag))
+    monkeypatch.setattr(beyond, "look_for_unmodelled", lambda *_: None)
+    monkeypatch.setattr(beyond, "look_together", lambda *_: None)
+    monkeypatch.setattr(Selection, "taken", lambda self, problem: {s.term: takes for s in self.selected})
+    monkeypatch.setattr(engine, "look_outside", lambda *_: None)
+    case = drifting(OFF | {"axis.windage.c": 6e-5}, 8e-3)
+    found = diagnose_plant(case, Axis())
+    assert found.verdict == "undecided"
+    assert [f.term for f in found.findings] == ["axis.windage"] * said
+    assert all(f.confidence <= thresholds.WITHHELD for f in found.findings)
 
 
 def damping_outside(problem: Problem, calibrated: Fit, *_: object) -> Outside:

@@ -35,7 +35,7 @@ from cobot_joint.diagnosis.selection.elimination import worth_naming
 from cobot_joint.diagnosis.selection.external_loads import look_for_external_loads, look_for_unlogged_load
 from cobot_joint.diagnosis.selection.misreading import Misread, look_for_misreading
 from cobot_joint.diagnosis.selection.mistimed import look_for_mistiming, still_late
-from cobot_joint.diagnosis.selection.outside import Outside, Select, in_place_of, let_go, look_outside
+from cobot_joint.diagnosis.selection.outside import Outside, Select, in_place_of, let_go, look_outside, nearly_alone
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.some_recordings import some_of
 from cobot_joint.diagnosis.selection.stepwise import Selector
@@ -175,7 +175,9 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     along = found.anchored and found.anchored.claims
     if along and visible and (instead := _far_off(problem, found, select, say)):
         return _or_misread(problem, instead, misread)
-    if found.outside or (found.unmodelled and not is_formula) or along or (found.background and not found.selected):
+    if found.outside:
+        return _or_misread(problem, found, misread)
+    if (found.unmodelled and not is_formula) or along or (found.background and not found.selected):
         return found
     if is_formula and (instead := _parameter_in_place(problem, found, say)):
         return instead
@@ -336,6 +338,9 @@ def _selected(
         return _term_in_place(problem, listed, loads, beside) or Explanation(
             calibrated, loads.fit, listed, loads.selected, loads
         )
+    alone = partial(nearly_alone, problem, listed, beside.select, say)
+    if outside := spend("parameters outside their tolerances", alone):
+        return _with_formula(problem, calibrated, outside, say)
     if can_follow(campaign, problem.plant) and not given:
         waves = partial(by_recorded_angle, problem, listed, beside, say)
         listed = spend("waves by the recorded angle", waves) or listed

@@ -24,6 +24,8 @@ from cobot_joint.diagnosis.selection.confidence import beside_background, confid
 from cobot_joint.diagnosis.selection.elimination import kept_beside, without, without_terms
 from cobot_joint.diagnosis.selection.far_off import values_from_afar
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
+from cobot_joint.diagnosis.selection.stepwise import share
+from cobot_joint.diagnosis.selection.unlisted.remains import remains
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 
 TRIED = 4  # parameters that are fitted, of those from which the Jacobian expects most; beside listed terms one
@@ -124,6 +126,30 @@ def look_outside(
             return found
     one = _in_place_of_one(problem, calibrated, explained, selected, say) if len(selected) > 1 else None
     return one or (_beside(problem, calibrated, explained, selected, say) if beside and selected else None)
+
+
+def nearly_alone(problem: Problem, listed: Selection, select: Select, say: Say) -> Outside | None:
+    """A parameter that takes nearly all, where listed terms leave what stands out and several times as much, and the
+    listed terms beside it. Asked before formulas are: one of these imitates a wrong inertia, and takes minutes.
+
+    None: there is none, or the terms leave no more without it.
+    """
+    calibrated = listed.history[0]
+    if not problem.stands_out(listed.fit.residual):
+        return None
+    above = problem.above(calibrated.residual)
+    best = _nearby(problem, calibrated, thresholds.HOLDS * above, tried=2)
+    if best is None or problem.above(best.residual) > thresholds.REMAINDER * above:
+        return None
+    left, rest = remains(problem, listed.fit, best)
+    if left < thresholds.TIMES_LESS * rest:
+        return None
+    more = _with_terms(problem, best, select)
+    if _needless(problem, calibrated, best, more):
+        return None
+    found = Outside(more, calibrated.cost - best.cost, ())
+    say(f"{found.name} outside its tolerance takes {share(found.gain, above)} of what is above noise")
+    return found
 
 
 def let_go(

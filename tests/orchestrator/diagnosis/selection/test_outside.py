@@ -18,6 +18,7 @@ from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import fit, fit_added
 from cobot_joint.diagnosis.estimation.noise import Noise
 from cobot_joint.diagnosis.estimation.problem import Problem, one_blas_thread
+from cobot_joint.diagnosis.explanation import beyond_the_list
 from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.plant.correction import Factor, Product
 from cobot_joint.diagnosis.selection.competition import finished
@@ -55,6 +56,21 @@ def test_a_parameter_outside_its_tolerance_is_the_finding_with_its_value(name: s
     assert low < times * NOMINAL[name] < high
     assert found.repaired[name].value == pytest.approx(times * NOMINAL[name], rel=0.02)
     assert found.calibrated[name].value == pytest.approx((0.9 if times < 1 else 1.1) * NOMINAL[name])
+
+
+def test_a_parameter_that_takes_nearly_all_is_the_answer_before_formulas_are_asked(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """An axis whose load was 1.6 times as heavy as its data sheet says took minutes: a form imitated it."""
+
+    def never(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(beyond_the_list, "look_for_unmodelled", never)
+    found = diagnose_plant(campaign({"axis.J": 1.6 * NOMINAL["axis.J"]}), Axis())
+    assert [f.term for f in found.findings] == ["axis.J"]
+    assert found.findings[0].confidence > 0.9
+    assert found.repaired["axis.J"].value == pytest.approx(1.6 * NOMINAL["axis.J"], rel=0.02)
 
 
 def test_a_listed_term_beside_it_is_named_as_well() -> None:

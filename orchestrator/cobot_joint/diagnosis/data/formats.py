@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from cobot_joint.diagnosis.data.delimited import Layout, read_delimited
 from cobot_joint.diagnosis.data.nested import matlab_hdf5, ros2_bag
-from cobot_joint.diagnosis.data.quantity import convert, is_duration, split_header
+from cobot_joint.diagnosis.data.quantity import convert, is_duration, split_header, without_parentheses
 from cobot_joint.errors import UserError, among
 
 TIME = ("time", "t", "timestamp", "timestamps", "loop_time", "zeit", "elapsed", "elapsed_time")
@@ -269,7 +269,7 @@ def _clock_name(path: Path, names: list[str], durations: list[str], time: str | 
                 return found[0]
         raise UserError(f"{path}: time = {time!r} is given, columns are {among(names)}{nearest(wanted, names)}")
     for usual in TIME_NAMES:
-        found = [n for n in names if n.lower().replace(" ", "_") == usual]
+        found = [n for n in names if without_parentheses(n).lower().replace(" ", "_") == usual]
         found = found or [n for n in names if n.lower().endswith((f".{usual}", f"/{usual}"))]
         if len(found) == 1:
             return found[0]

@@ -49,9 +49,14 @@ TOKEN = re.compile(
     r"\s*(?:(?P<word>[^\W\d_]*[^\W\d]|[%°‰][^\W\d_]*)(?:(?:\*\*|\^)?(?P<power>-?\d))?|(?P<op>[./*()]|1(?=\s*/)))"
 )
 
+IN_PARENTHESES = re.compile(r"\s*\(([^()]+)\)$")
+# a unit, not `(raw)`, `(min)` or phase `(A)`: a letter alone is none here, or one that changes nothing
+PLAIN = re.compile(r"[munkcµ]?(?:Nm|Hz|rad|Ohm|Ω)|[munkcµ](?:N|V|W|A|m|s)|deg|rpm|rev")
+
 
 def split_header(header: str) -> tuple[str, str | None]:
     """`"w_motor [rad/s]"` -> `("w_motor", "rad/s")`; no brackets, or empty ones: unit None. `pos[0]` is a name.
+    `"torque (mNm)"` -> `("torque (mNm)", "mNm")`.
 
     UserError: brackets in brackets, or more characters than a header has.
     """
@@ -60,10 +65,23 @@ def split_header(header: str) -> tuple[str, str | None]:
     text = "".join(c if c.isprintable() else "\ufffd" for c in header.strip())  # a terminal obeys some of the others
     name, bracket, unit = text[:-1].rpartition("[")
     if not (text.endswith("]") and bracket) or (unit.isdigit() and name and not name[-1].isspace()):
-        return text, None
+        return text, _in_parentheses(text)
     if "]" in unit:
         raise UserError(f"column {text!r} is given, one unit in one pair of brackets is allowed: 'w_motor [rad/s]'")
     return name.strip(), unit.strip() or None
+
+
+def without_parentheses(name: str) -> str:
+    """`"Time (s)"` -> `"Time"`"""
+    return IN_PARENTHESES.sub("", name) or name
+
+
+def _in_parentheses(name: str) -> str | None:
+    """The unit at the end of a name; None: what stands there is none, or nothing does."""
+    found = IN_PARENTHESES.search(name)
+    unit = found[1].strip() if found and found.start() else ""
+    known = PLAIN.fullmatch(unit) or any(c in unit for c in "/.*·°%") or (len(unit) > 1 and unit in {*WHOLE, *WORDS})
+    return unit if known and is_unit(unit) else None
 
 
 def convert(values: NDArray[np.float64], unit: str | None, target: str | None, where: str) -> tuple[NDArray, str]:

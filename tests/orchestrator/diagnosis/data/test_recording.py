@@ -290,10 +290,28 @@ def test_a_column_cannot_command_the_terminal() -> None:
         ("w []", "w", None),
         ("rec.act_pos[0]", "rec.act_pos[0]", None),
         ("rec.act_pos[0] [mm]", "rec.act_pos[0]", "mm"),
+        ("torque (mNm)", "torque (mNm)", "mNm"),
+        ("n (U/min)", "n (U/min)", "U/min"),
+        ("speed (rpm) [rad/s]", "speed (rpm)", "rad/s"),
+        *((name, name, None) for name in ("w (raw)", "w (min)", "phase (A)", "w (1)", "q (in)", "w (a.u.)", "(mNm)")),
     ],
 )
 def test_a_header_is_a_name_and_a_unit(header: str, name: str, unit: str | None) -> None:
     assert split_header(header) == (name, unit)
+
+
+def test_a_log_with_its_units_in_parentheses_is_read_in_them(tmp_path: Path) -> None:
+    """An oscilloscope's `Time (s)` was no clock; `Speed (rpm)`, as a campaign names it, was taken for rad/s."""
+    table = np.column_stack([T, 1e3 * SIGNALS["v [V]"], SIGNALS["w [rad/s]"] * 30 / np.pi, SIGNALS["i [A]"]])
+    (tmp_path / "run.csv").write_text("Time (s),Drive (mV),Speed (rpm),I (A)\n")
+    with (tmp_path / "run.csv").open("a") as file:
+        np.savetxt(file, table, delimiter=",")
+    columns = {"Drive (mV)": "v", "Speed (rpm)": "w", "I (A)": "i"}
+    r = read_recording(tmp_path / "run.csv", CONNECTORS, columns, Reading())
+    assert np.allclose(r.inputs["v"], SIGNALS["v [V]"])
+    assert np.allclose(r.outputs["w"], SIGNALS["w [rad/s]"])
+    assert np.allclose(r.outputs["i"], SIGNALS["i [A]"])
+    assert np.allclose(r.time, T, atol=1e-12)
 
 
 @pytest.mark.parametrize("unit", ["Nm", "N.m", "N*m", "J", "1 N m"])

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import Any, TypeVar
 
 T = TypeVar("T")
 
@@ -17,11 +18,16 @@ class OutOfTime(Exception):
 
 @dataclass
 class Budget:
-    """seconds: in which something further may be looked at. What was not, or not to its end, is kept in words."""
+    """seconds: in which something further may be looked at. What was not, or not to its end, is kept in words.
+
+    keep: gives the result that an earlier call has kept under a name, or keeps that of a search.
+    """
 
     seconds: float = math.inf
     left_out: list[str] = field(default_factory=list)
     begun: float = field(default_factory=time.monotonic)
+    keep: Callable[[str, Callable[[], Any]], Any] = lambda name, look: look()
+    _asked: Counter[str] = field(default_factory=Counter)  # what -> times that it was a stage
     _cuts: bool = False  # whether what runs now ends when time is up
 
     @property
@@ -48,6 +54,13 @@ class Budget:
             return None
         finally:
             self._cuts = outer
+
+    def stage(self, what: str, look: Callable[[], T]) -> T | None:
+        """The same, kept for a later call by how many times it was asked for: what goes before is kept, too, and the
+        same. Not where time is limited: what was cut short is no result to go on from."""
+        self._asked[what] += 1
+        name = f"{what} {self._asked[what]}"
+        return self.spend(what, look if self.limited else lambda: self.keep(name, look))
 
     def _leave_out(self, what: str) -> None:
         """Said once, though several places ask for it."""

@@ -82,6 +82,7 @@ def _diagnosed(campaign: Campaign, plant: Plant, say: Progress, store: Store, bu
     prefetch()
     problem, calibrated = calibrate(campaign, plant, say, store)
     problem.budget, say = budget, watched(problem, say)
+    budget.keep = lambda name, look: store.remember(name, basis(campaign), look)
     with ThreadPoolExecutor(1) as beside:  # the search leaves a quarter of two cores idle
         say("locating the difference")
         located = beside.submit(_located, problem, calibrated, store)
@@ -91,8 +92,8 @@ def _diagnosed(campaign: Campaign, plant: Plant, say: Progress, store: Store, bu
         found.located = _located(problem, explanation.calibrated, store)
     if found.findings and budget.allows("the experiment that would tell more"):
         say("looking for the experiment that would tell more")
-        basis = [f.term for f in found.findings], explanation.fit.x
-        found.advice = store.remember("experiment", basis, lambda: advise(problem, found.findings, explanation.fit))
+        inputs = [f.term for f in found.findings], explanation.fit.x
+        found.advice = store.remember("experiment", inputs, lambda: advise(problem, found.findings, explanation.fit))
     if explanation.misread is None:
         claims = any(f.confidence >= thresholds.EVEN for f in found.findings)  # what is none explains nothing away
         at = explanation.fit if claims else explanation.calibrated
@@ -182,7 +183,7 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     if is_formula and (instead := _parameter_in_place(problem, found, say)):
         return instead
     listed = (found.selection.fit, found.selection.selected) if is_formula else (found.fit, found.selected)
-    outside = problem.budget.spend(
+    outside = problem.budget.stage(
         "parameters outside their tolerances",
         lambda: look_outside(problem, found.calibrated, *listed, select, say),
     )
@@ -204,7 +205,7 @@ def _or_misread(problem: Problem, found: Explanation, misread: Misread | None) -
 
 def _with_formula(problem: Problem, calibrated: Fit, outside: Outside, say: Progress) -> Explanation:
     """A parameter outside its tolerance, and the formula that is missing beside it, if there is one."""
-    beside = problem.budget.spend("formulas", lambda: look_beside_parameter(problem, outside.selection, say))
+    beside = problem.budget.stage("formulas", lambda: look_beside_parameter(problem, outside.selection, say))
     both = outside.with_formula(problem, beside) if beside and not beside.as_good else None
     told = both or outside
     explained = Explanation(calibrated, told.fit, told.selection, told.selection.selected)
@@ -222,7 +223,7 @@ def _beside_claimed(problem: Problem, found: Explanation, select: Select, say: P
     if name not in problem.plant.parameters or name not in search.repaired:
         return None
     free = partial(let_go, problem, calibrated, {name: search.repaired[name].value}, alike, select)
-    outside = problem.budget.spend("parameters outside their tolerances", free)
+    outside = problem.budget.stage("parameters outside their tolerances", free)
     if outside is None:
         return None
     beside = _with_formula(problem, calibrated, outside, say)
@@ -239,7 +240,7 @@ def _far_off(problem: Problem, found: Explanation, select: Select, say: Progress
         return None
     (own,) = problem.simulate([Run({name: estimate.value for name, estimate in search.repaired.items()})])
     left = np.inf if own is None else float(np.sum((problem.recorded - own.white) ** 2))
-    outside = problem.budget.spend(
+    outside = problem.budget.stage(
         "parameters outside their tolerances",
         lambda: look_outside(problem, found.calibrated, found.calibrated, [], select, say),
     )
@@ -252,7 +253,7 @@ def _parameter_in_place(problem: Problem, found: Explanation, say: Progress) -> 
     """The parameter that does as well as a formula, and the listed terms beside it; None: there is none."""
     calibrated, formula = found.calibrated, found.unmodelled
     assert formula is not None
-    outside = problem.budget.spend(
+    outside = problem.budget.stage(
         "parameters outside their tolerances", lambda: in_place_of(problem, calibrated, formula, say)
     )
     if outside is None:
@@ -296,7 +297,7 @@ def _channel_or_parameter(problem: Problem, nothing: Selection, misread: Misread
     brake's torque per ampere is a gain of its current. nothing: the base model, and what was looked at beside it."""
     calibrated = nothing.fit
     channel = Explanation(calibrated, calibrated, nothing, [], misread=misread)
-    outside = problem.budget.spend(
+    outside = problem.budget.stage(
         "parameters outside their tolerances",
         lambda: look_outside(problem, calibrated, calibrated, [], lambda fit: Selection([fit]), say),
     )
@@ -319,13 +320,13 @@ def _selected(
     campaign: Campaign, problem: Problem, calibrated: Fit, scan: Scan, say: Progress, store: Store
 ) -> Explanation:
     """What is missing in the machine, its channels taken as they are."""
-    only, spend = campaign.terms, problem.budget.spend
+    only, stage = campaign.terms, problem.budget.stage
     beside = Selector(problem, scan, say)
 
     def unlogged() -> Unmodelled | None:
         return look_for_unlogged_load(problem, calibrated, beside.select, say, beside.predicted_share)
 
-    if not only and (load := spend("a load that is not logged", unlogged)):
+    if not only and (load := stage("a load that is not logged", unlogged)):
         nothing = Selection([calibrated], indistinguishable=dict(scan.indistinguishable))
         return Explanation(calibrated, load.fit, nothing, load.selected, load)
     given = motion_is_given(campaign) and not problem.is_table
@@ -334,16 +335,16 @@ def _selected(
     if only:
         kept = worth_naming(problem, calibrated, listed)
         return Explanation(calibrated, kept.fit, listed, kept.selected)
-    if loads := spend("external loads", lambda: look_for_external_loads(problem, listed, beside.select, say)):
+    if loads := stage("external loads", lambda: look_for_external_loads(problem, listed, beside.select, say)):
         return _term_in_place(problem, listed, loads, beside) or Explanation(
             calibrated, loads.fit, listed, loads.selected, loads
         )
     alone = partial(nearly_alone, problem, listed, beside.select, say)
-    if outside := spend("parameters outside their tolerances", alone):
+    if outside := stage("parameters outside their tolerances", alone):
         return _with_formula(problem, calibrated, outside, say)
     if can_follow(campaign, problem.plant) and not given:
         waves = partial(by_recorded_angle, problem, listed, beside, say)
-        listed = spend("waves by the recorded angle", waves) or listed
+        listed = stage("waves by the recorded angle", waves) or listed
     return BeyondTheList(campaign, problem, listed, beside, say, store).explanation()
 
 

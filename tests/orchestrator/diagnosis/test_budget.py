@@ -26,8 +26,8 @@ def test_without_time_the_first_answer_says_what_was_left_out() -> None:
         "a load that is not logged",
         "further listed terms",
         "external loads",
-        "formulas",
         "parameters outside their tolerances",
+        "formulas",
         "the experiment that would tell more",
     ]
     assert found.to_json()["left_out"] == found.left_out

@@ -30,7 +30,19 @@ from cobot_joint.diagnosis.selection.stepwise import Selector
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.diagnosis.thresholds import EVEN, EVIDENCE
 from cobot_joint.system.read import load_system
-from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, OFF, OFFSET, ORDERS, PUSH, TERMS, Axis, campaign
+from tests.orchestrator.diagnosis.axis import (
+    NOISE,
+    NOMINAL,
+    OFF,
+    OFFSET,
+    ORDERS,
+    PUSH,
+    TERMS,
+    Axis,
+    Driven,
+    campaign,
+    weak_drive,
+)
 from tests.orchestrator.diagnosis.bench import calibrated
 
 
@@ -258,6 +270,23 @@ def test_an_interrupted_diagnosis_goes_on_and_gives_the_same_answer(
     assert resumed.runs < share * fresh.runs
     diagnose_plant(case, third, store=store)
     assert third.runs < 0.1 * resumed.runs
+
+
+def test_what_was_found_beyond_listed_terms_is_gone_on_from(tmp_path: Path) -> None:
+    """An axis that was stopped after nine minutes needed seven to get there again."""
+    case, fresh, resumed = weak_drive(eddy_currents=0.05), Driven(), Driven()
+    whole = diagnose_plant(case, fresh)
+
+    def interrupt(said: str) -> None:
+        if said.startswith("a signal at"):
+            raise KeyboardInterrupt
+
+    store = Store(tmp_path, "drive")
+    with pytest.raises(KeyboardInterrupt):
+        diagnose_plant(case, Driven(), progress=interrupt, store=store)
+    again = diagnose_plant(case, resumed, store=store)
+    assert {**again.to_json(), "seconds": 0} == {**whole.to_json(), "seconds": 0}
+    assert resumed.runs < 0.5 * fresh.runs
 
 
 def test_at_its_bounds_nothing_is_rounded_beyond_them() -> None:

@@ -45,7 +45,7 @@ class BeyondTheList:
     ) -> None:
         self.campaign, self.problem, self.listed = campaign, problem, listed
         self.beside, self.say, self.store = beside, say, store
-        self.calibrated, self.spend = listed.history[0], problem.budget.spend
+        self.calibrated, self.stage = listed.history[0], problem.budget.stage
         self.left, self.before = (problem.excess(fit.residual) for fit in (listed.fit, self.calibrated))
         self.stands_out = problem.stands_out(listed.fit.residual)
         self.follows, self.given = can_follow(campaign, problem.plant), motion_is_given(campaign)
@@ -114,7 +114,7 @@ class BeyondTheList:
         taken = 0.0 if doubtful else 1 - self.left / max(self.before, 1e-9)
         least = max(thresholds.ALONE, taken) if self._beside_background else 0.0
         look = partial(look_for_unmodelled, self.problem, self.calibrated, self.listed, self.say, least)
-        found = self.spend("formulas", look) if self.much else None
+        found = self.stage("formulas", look) if self.much else None
         if found and self._fails_in_closed_loop(found):
             found = None
         return (None, found) if found and found.as_good else (found, None)
@@ -152,7 +152,7 @@ class BeyondTheList:
         """A listed wave that does as well as a formula whose angle free runs have lost, both by the recorded angle.
         None: the formula leaves so much less that its freedom does not account for it."""
         look = partial(in_place_of, self.problem, formula, self.beside.probes(self.calibrated))
-        fits = self.spend("listed waves", look) or []
+        fits = self.stage("listed waves", look) or []
         if not fits or formula.outdoes(self.problem, fits[0]):
             return None
         best, *others = fits
@@ -180,7 +180,7 @@ class BeyondTheList:
         if not out or not (alone or self.left > thresholds.TERMS_STAND * self.before):
             return None
         look = partial(look_together, self.problem, self.listed, likely or formula, self.beside, self.say)
-        return self.spend("a formula and something beside it", look)
+        return self.stage("a formula and something beside it", look)
 
     def _along_the_motion(self, outdone: bool, lost: bool) -> Search | None:
         """What the recorded motion says, where it may change the answer. Where motion is an input, free runs lose
@@ -190,7 +190,7 @@ class BeyondTheList:
             return None
         if self.takes_most and not (lost or self.listed.imitates or self.stands_out):
             return None
-        found = self.spend("the recorded motion", self._followed)
+        found = self.problem.budget.spend("the recorded motion", self._followed)
         return felt(self.problem, self.calibrated, self.listed.fit, found) if found and found.named else found
 
     def _followed(self) -> Search | None:
@@ -275,7 +275,7 @@ class BeyondTheList:
             return None
         claimed = replace(self.listed.up_to(0), history=[self.calibrated, both[0]], selected=both[1])
         out = self.problem.stands_out(both[0].residual)
-        formula = self.spend("formulas", partial(look_beside, self.problem, claimed, self.say)) if out else None
+        formula = self.stage("formulas", partial(look_beside, self.problem, claimed, self.say)) if out else None
         if formula is None or formula.as_good or len(formula.selected) < len(both[1]) or repeats(formula, found):
             return None
         return Explanation(self.calibrated, formula.fit, claimed, formula.selected, formula, anchored=found)
@@ -299,7 +299,7 @@ class BeyondTheList:
         some = replace(self.campaign, recordings=some_of(problem, self.calibrated)[0].recordings)
         lies = partial(where_it_lies, some, problem.plant, kept.fit.run, self.say)
         asked = self.given and self.much and self.follows and not self.takes_most
-        rest = self.spend("where the rest lies", lies) if asked else None
+        rest = self.stage("where the rest lies", lies) if asked else None
         return Explanation(self.calibrated, kept.fit, listed, kept.selected, background=rest or [], rival=rival)
 
 

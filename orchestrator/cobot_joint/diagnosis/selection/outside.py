@@ -29,6 +29,7 @@ from cobot_joint.diagnosis.selection.unlisted.remains import remains
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 
 TRIED = 4  # parameters that are fitted, of those from which the Jacobian expects most; beside listed terms one
+LETTING_GO = "letting go of parameters, one at a time"
 
 Select = Callable[[Fit], Selection]
 Say = Callable[[str], None]
@@ -101,6 +102,7 @@ def look_outside(
     """
     if not problem.unexplained(calibrated.residual):
         return None
+    say(LETTING_GO)
     above, first = problem.above(calibrated.residual), max((s.gain for s in selected), default=0.0)
     taken = calibrated.cost - explained.cost if selected else thresholds.HOLDS * above
     beside = problem.stands_out(explained.residual)
@@ -137,6 +139,7 @@ def nearly_alone(problem: Problem, listed: Selection, select: Select, say: Say) 
     calibrated = listed.history[0]
     if not problem.stands_out(listed.fit.residual):
         return None
+    say(LETTING_GO)
     above = problem.above(calibrated.residual)
     best = _nearby(problem, calibrated, thresholds.HOLDS * above, tried=2)
     if best is None or problem.above(best.residual) > thresholds.REMAINDER * above:

@@ -103,6 +103,7 @@ class Selector:
         if len(so_far.selected) == 1 and left < (1 - thresholds.ALONE) * before:
             return None
         begins = [_begins(term) for term in best.settled().hypothesis.terms] if self.problem.onsets else []
+        self.progress("looking for one term, of any size, in place of those found")
         look = partial(self._alone, base, dict.fromkeys([None, *begins]))
         one = self.problem.budget.spend("one term instead of others", look)
         late = one is not None and one.hypothesis.terms[-1].onset is not None
@@ -250,6 +251,7 @@ class Selector:
         """See look_from_afar; where what is left stands out."""
         if not self.problem.stands_out(best.residual):
             return {}
+        self.progress("trying further terms at sizes far from none")
         known = {*active, *self.scan.indistinguishable}
         return look_from_afar(self.problem, best, [c for c in self._columns if c.term.name not in known])
 

@@ -344,7 +344,8 @@ def _selected(
         return _with_formula(problem, calibrated, outside, say)
     if can_follow(campaign, problem.plant) and not given:
         waves = partial(by_recorded_angle, problem, listed, beside, say)
-        listed = stage("waves by the recorded angle", waves) or listed
+        with_wave = stage("waves by the recorded angle", waves)
+        listed = with_wave or listed
     return BeyondTheList(campaign, problem, listed, beside, say, store).explanation()
 
 

@@ -40,12 +40,14 @@ def without_waves(found: Unmodelled) -> Unmodelled | None:
     return replace(found, finding=replace(found.finding, shape=replace(shape, features=rest)))
 
 
-def by_recorded_angle(problem: Problem, listed: Selection, beside: Selector, say: Callable[[str], None]) -> Selection:
-    """What was selected; a listed wave, by the recorded angle, in its place where that leaves less; or beside it, where
-    it takes half of what is left. In free runs that drift a wave was off its angle, and was taken for little, or for
-    one that sets in (field/open case04)."""
+def by_recorded_angle(
+    problem: Problem, listed: Selection, beside: Selector, say: Callable[[str], None]
+) -> Selection | None:
+    """A listed wave, by the recorded angle, in place of what was selected where that leaves less; or beside it, where
+    it takes half of what is left. None: no wave does. In free runs that drift a wave was off its angle, and was taken
+    for little, or for one that sets in (field/open case04)."""
     if not problem.stands_out(listed.fit.residual):
-        return listed
+        return None
     base, best = listed.history[0], listed.fit
     for start in (listed.up_to(0), listed) if listed.selected else (listed,):
         above = problem.above(start.fit.residual)
@@ -62,7 +64,7 @@ def by_recorded_angle(problem: Problem, listed: Selection, beside: Selector, say
         added = Selected(name, start.fit.cost - wave.cost, alike)
         more = replace(start, history=[*start.history, wave], selected=[*start.selected, added], done=False)
         return beside.further(more)
-    return listed
+    return None
 
 
 def in_place_of(problem: Problem, formula: Unmodelled, probes: Mapping[str, float]) -> list[Fit]:

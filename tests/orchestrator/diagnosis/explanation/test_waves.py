@@ -69,7 +69,7 @@ def test_a_machine_without_a_wave_gets_none() -> None:
     problem, base = calibrated(drifting(OFF))
     beside = Selector(problem, Scan(problem, Axis().terms), quiet)
     nothing = Selection([base])
-    assert by_recorded_angle(problem, nothing, beside, quiet) is nothing
+    assert by_recorded_angle(problem, nothing, beside, quiet) is None
 
 
 def test_of_a_machine_that_obeys_the_equations_the_wave_goes_by_its_own_angle() -> None:

@@ -173,9 +173,20 @@ def chain(names: Sequence[str], name: str = "bench") -> Chain:
         for connector, (variable, words) in part.shows.items():
             outputs[connector] = Connector(connector, "output", "Real", units[n].unit_of(variable), words)
             wires.append(Connection(n, variable, None, connector))
+    if names[0] == "motion" and len(names) > 1 and not any("tau_sensor" in part.shows for part in parts.values()):
+        outputs["tau_drive"], wire = _torque_taken(names[1], units)
+        wires.append(wire)
     if not outputs:
         raise UserError(f"--chain {','.join(names)}: nothing of it is logged; add a motor, a sensor or a load")
     return Chain(_with_free_ends(System(name, components, tuple(wires), inputs, outputs)), parts)
+
+
+def _torque_taken(driven: str, units: Mapping[str, Unit]) -> tuple[Connector, Connection]:
+    """What imposed motion takes from the part that it drives, where no sensor reads a torque."""
+    torque = (PARTS[driven].before or ("", "", ""))[2]
+    words = "torque that the motion takes"
+    shown = Connector("tau_drive", "output", "Real", units[driven].unit_of(torque), words)
+    return shown, Connection(driven, torque, None, shown.name)
 
 
 def _with_free_ends(system: System) -> System:

@@ -87,7 +87,7 @@ class BeyondTheList:
                 return self._of_outside(pair)
             return self._of(pair.formula, pair.outside) if pair else self._of(formula)
         if found and (any(n.shows for n in found.named) or not self._stands):
-            return self._beside_the_claimed(found) or self._of_listed(self._closest(found), anchored=found)
+            return self._beside_the_claimed(found) or self._closest(found)
         named = self._of_what_is_worth_a_name(rival)
         return replace(named, gave_way=formula if formula and formula.is_likely else None)
 
@@ -101,12 +101,14 @@ class BeyondTheList:
         """Listed terms, where they leave little."""
         return self.listed.selected if self.left < thresholds.REMAINDER * self.before else []
 
-    def _closest(self, found: Search) -> list[Selected]:
-        """Listed terms that take half of what is above noise, where the motion names nothing: no claim, yet not to be
-        called diffuse (machine 227/9: a gear's error that took 68 %)."""
+    def _closest(self, found: Search) -> Explanation:
+        """What the motion says. Where it names nothing, with listed terms that take half of what is above noise: no
+        claim, yet not to be called diffuse (machine 227/9: a gear's error that took 68 %)."""
         sure, least = sure_beside_background(self.problem, self.listed), beside_background(thresholds.HOLDS)
-        close = not found.named and all(sure.get(s.term, 0.0) >= least for s in self.listed.selected)
-        return self.listed.selected if close else []
+        selected = self.listed.selected
+        if found.named or not selected or any(sure.get(s.term, 0.0) < least for s in selected):
+            return self._of_listed([], anchored=found)
+        return replace(self._of_listed(selected, anchored=found), background=found.background)
 
     def _formula(self) -> tuple[Unmodelled | None, Unmodelled | None]:
         """(what is on no list, or a rival of listed terms that does not prove them wrong), one of them or neither."""

@@ -69,6 +69,7 @@ def test_a_term_that_takes_half_of_what_is_left_is_the_closest_and_no_claim_wher
     assert found.verdict == "undecided"
     assert [f.term for f in found.findings] == ["axis.windage"] * said
     assert all(f.confidence <= thresholds.WITHHELD for f in found.findings)
+    assert found.to_json()["discrepancy"] == drag
 
 
 def damping_outside(problem: Problem, calibrated: Fit, *_: object) -> Outside:

@@ -341,8 +341,10 @@ def test_a_load_that_comes_and_goes_must_take_nearly_all_to_count_beside_a_backg
     share: float, counts: bool
 ) -> None:
     p = problem(campaign({}), Axis((*TERMS, PUSH)))
-    above = 1e5
-    fits = [SimpleNamespace(chi2=p.samples + left) for left in (above, (1 - share) * above)]
+    above, quick = 1e5, (-1.0) ** np.arange(p.rows)
+    fits = [
+        SimpleNamespace(residual=quick * np.sqrt((p.samples + left) / p.rows)) for left in (above, (1 - share) * above)
+    ]
     for name in ("axis.push", "axis.windage"):
         selection = Selection(fits, [Selected(name, share * above)])  # type: ignore[arg-type]
         believed = explanation.sure_beside_background(p, selection).get(name, 0.0) >= EVEN

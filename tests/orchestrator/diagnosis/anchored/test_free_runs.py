@@ -100,7 +100,10 @@ def test_a_name_that_free_runs_hardly_feel_is_no_claim(
     moves: float | None, without: float, named: float, listed: float, shows: bool
 ) -> None:
     """A background's wave of 0.08 mN.m over a motor's angle was cogging, 74 and 86 % sure (machines 151/1, 127/5)."""
-    base: Any = SimpleNamespace(chi2=without, run=Run({"axis.d": 1.0}), simulated=SimpleNamespace(white=np.zeros(2)))
+    residual = np.array([np.sqrt(without)])
+    base: Any = SimpleNamespace(
+        residual=residual, run=Run({"axis.d": 1.0}), simulated=SimpleNamespace(white=np.zeros(2))
+    )
     terms: Any = SimpleNamespace(chi2=listed)
 
     def simulate(runs: list[Run]) -> Any:
@@ -108,7 +111,9 @@ def test_a_name_that_free_runs_hardly_feel_is_no_claim(
         one = None if moves is None else SimpleNamespace(white=np.array([moves, 0.0]))
         return [one, SimpleNamespace(white=np.array([0.0, np.sqrt(named + 1)]))]
 
-    at: Any = SimpleNamespace(recorded=np.zeros(2), samples=1, simulate=simulate)
+    at: Any = SimpleNamespace(
+        recorded=np.zeros(2), samples=1, simulate=simulate, above=lambda rows: float(rows @ rows) - 1
+    )
     term: Any = SimpleNamespace(name="axis.cogging", amplitude="axis.cogging.A")
     candidate: Any = SimpleNamespace(term=term, values={"axis.cogging.A": 1.0}, onset=None, evidence=231.0)
     search = Search(named=[Named(candidate, (), 0.0, 161.0, {}, 200.0)])

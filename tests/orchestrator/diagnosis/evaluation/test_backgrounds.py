@@ -22,6 +22,7 @@ from cobot_joint.diagnosis.plant.plant import Signals
 from cobot_joint.diagnosis.selection.confidence import BESIDE_MUCH
 from cobot_joint.errors import UserError
 
+MACHINE = (pytest.mark.long, pytest.mark.machine)
 PATTERN = Path(__file__).parents[4] / "proof" / "open" / "case14" / "campaign.toml"
 
 
@@ -147,13 +148,12 @@ def test_a_count_goes_on_with_its_own_machines_and_refuses_rows_of_others(tmp_pa
 @pytest.mark.parametrize(
     ("seed", "number", "component"),
     [
-        (21, 6, "motor_bldc"),
-        (73, 48, "mr_brake_belt"),
-        (73, 7, "motor_bldc"),
-        (163, 88, "motor_bldc"),
-        (199, 40, "mr_brake_belt"),
+        pytest.param(21, 6, "motor_bldc", id="cubic"),
+        pytest.param(73, 48, "mr_brake_belt", id="rough places", marks=MACHINE),
+        pytest.param(73, 7, "motor_bldc", id="a resonance", marks=MACHINE),
+        pytest.param(163, 88, "motor_bldc", id="teeth", marks=MACHINE),
+        pytest.param(199, 40, "mr_brake_belt", id="no idle torque", marks=MACHINE),
     ],
-    ids=["cubic", "rough places", "a resonance", "teeth", "no idle torque"],
 )
 def test_a_drag_on_no_list_is_not_called_a_data_sheet_that_is_wrong(seed: int, number: int, component: str) -> None:
     """Such machines were answered with windage, `friction.tau_C` and `brake.d_off` outside their tolerances, at 95 %,
@@ -171,32 +171,18 @@ def test_a_drag_on_no_list_is_not_called_a_data_sheet_that_is_wrong(seed: int, n
 @pytest.mark.parametrize(
     ("seed", "number"),
     [
-        (31, 44),
-        (53, 23),
-        (73, 33),
-        (83, 12),
-        (83, 13),
-        (83, 41),
-        (109, 15),
-        (109, 4),
-        (163, 27),
-        (163, 53),
-        (193, 51),
-        (199, 11),
-    ],
-    ids=[
-        "a delay of 69 ms",
-        "an inertia beside",
-        "cogging beside",
-        "a gap beside",
-        "hysteresis beside a drag",
-        "creep beside a drag",
-        "a fast ripple",
-        "a data sheet beside a drag",
-        "a brake beside a drag",
-        "a belt that creeps late",
-        "a reading that jumps",
-        "a brake that lets go slowly",
+        pytest.param(31, 44, id="a delay of 69 ms", marks=MACHINE),
+        pytest.param(53, 23, id="an inertia beside", marks=MACHINE),
+        pytest.param(73, 33, id="cogging beside", marks=MACHINE),
+        pytest.param(83, 12, id="a gap beside"),
+        pytest.param(83, 13, id="hysteresis beside a drag", marks=MACHINE),
+        pytest.param(83, 41, id="creep beside a drag", marks=MACHINE),
+        pytest.param(109, 15, id="a fast ripple", marks=MACHINE),
+        pytest.param(109, 4, id="a data sheet beside a drag", marks=MACHINE),
+        pytest.param(163, 27, id="a brake beside a drag", marks=MACHINE),
+        pytest.param(163, 53, id="a belt that creeps late", marks=MACHINE),
+        pytest.param(193, 51, id="a reading that jumps", marks=MACHINE),
+        pytest.param(199, 11, id="a brake that lets go slowly", marks=MACHINE),
     ],
 )
 def test_what_is_much_larger_than_a_background_is_named(seed: int, number: int) -> None:
@@ -217,7 +203,14 @@ def test_what_is_much_larger_than_a_background_is_named(seed: int, number: int) 
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    "number", [1, 7, 8, 9, 12], ids=["one unit", "a late ripple", "no windage", "an inertia", "no dead time"]
+    "number",
+    [
+        pytest.param(1, id="one unit", marks=MACHINE),
+        pytest.param(7, id="a late ripple", marks=MACHINE),
+        pytest.param(8, id="no windage", marks=MACHINE),
+        pytest.param(9, id="an inertia", marks=MACHINE),
+        pytest.param(12, id="no dead time"),
+    ],
 )
 def test_of_two_effects_one_of_which_no_term_is_both_are_named(number: int) -> None:
     """A brake's hysteresis and a wave there; a late ripple and a motor's rough places; an eccentric pulley and a cubic
@@ -235,8 +228,11 @@ def test_of_two_effects_one_of_which_no_term_is_both_are_named(number: int) -> N
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("seed", "number"),
-    [(193, 8), (193, 41), (197, 59)],
-    ids=["a brake's inertia", "a rotor's inertia", "an inertia that rings"],
+    [
+        pytest.param(193, 8, id="a brake's inertia"),
+        pytest.param(193, 41, id="a rotor's inertia", marks=MACHINE),
+        pytest.param(197, 59, id="an inertia that rings", marks=MACHINE),
+    ],
 )
 def test_a_data_sheet_is_named_of_which_one_recording_or_the_motion_tells_little(seed: int, number: int) -> None:
     """Every quarter presses on the first two. The third makes the belt ring otherwise, which free runs alone show."""
@@ -247,6 +243,7 @@ def test_a_data_sheet_is_named_of_which_one_recording_or_the_motion_tells_little
 
 
 @pytest.mark.long
+@pytest.mark.machine
 def test_a_term_as_large_as_it_may_be_that_leaves_what_stands_out_is_no_claim() -> None:
     """A gear that gives way had been a brake that fades altogether, 95 %, which left eighty sigma."""
     row = counted(Draws(PATTERN.parents[1] / "case04" / "campaign.toml", 8.0, 197), 37)
@@ -254,6 +251,7 @@ def test_a_term_as_large_as_it_may_be_that_leaves_what_stands_out_is_no_claim() 
 
 
 @pytest.mark.long
+@pytest.mark.machine
 def test_a_claim_beside_what_stands_out_is_no_surer_than_such_claims_were() -> None:
     """A gap with a drag beside it had been a brake's idle torque, 95 %, which left thirteen sigma."""
     row = counted(Draws(PATTERN.parents[1] / "case04" / "campaign.toml", 8.0, 193), 53)

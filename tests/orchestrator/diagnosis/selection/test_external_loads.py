@@ -129,6 +129,7 @@ def test_an_eccentricity_that_sets_in_with_a_jump_of_the_belt_is_named_with_its_
 
 
 @pytest.mark.long
+@pytest.mark.machine
 def test_a_sealed_campaign_whose_pulley_gives_way_is_answered_with_the_term_and_not_with_an_offset(root: Path) -> None:
     campaign = load_campaign(root / "proof/sealed/case23", roles=("train",))
     with FmuPlant(campaign.systems()) as plant:

@@ -224,6 +224,7 @@ def test_a_share_is_never_more_than_all() -> None:
 
 
 @pytest.mark.long
+@pytest.mark.machine
 def test_a_third_term_that_takes_next_to_nothing_gives_way_to_two_that_are_fitted_to_their_ends(root: Path) -> None:
     """Cogging and a brake that fades had stopped where they left 884 of chi-square of 426,000: a warm-up, 90 %."""
     campaign = load_campaign(root / "proof" / "sealed" / "case27", roles=("train",))

@@ -1,0 +1,70 @@
+"""The noise of a measured input is not simulated sample by sample, as long as what is compared stays the same."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from cobot_joint.cosim import Experiment, Simulation
+from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.drafts.chain import chain
+from cobot_joint.diagnosis.estimation.calibrate import noises, with_quiet_inputs
+from cobot_joint.diagnosis.estimation.problem import Problem, Run
+from cobot_joint.diagnosis.plant.knots import on_fewer_knots
+from cobot_joint.diagnosis.plant.plant import Signals
+from cobot_joint.system.model import Inputs
+from tests.orchestrator.diagnosis.axis import OFF, Axis, campaign
+
+
+def measured(sigma: float, plant: Axis) -> Problem:
+    """Two runs of the axis whose current is recorded with noise; what was compared is what went in without it."""
+    case, rng = campaign(OFF), np.random.default_rng(3)
+    noisy = [replace(r, inputs={"u": r.inputs["u"] + rng.normal(0, sigma, len(r.time))}) for r in case.recordings]
+    return Problem(plant, noisy, noises(case))
+
+
+class Derivative(Axis):
+    """What is compared is the slope of what goes in, as a torque is that of an imposed speed."""
+
+    def simulate(self, values: Mapping[str, float], recording: Recording, **others: Any) -> Signals:
+        """See Plant.simulate."""
+        return {"w": np.gradient(recording.inputs["u"], recording.time)}
+
+
+def test_an_input_has_fewer_knots_and_what_is_compared_is_the_same() -> None:
+    problem = measured(0.02, Axis())
+    quiet = with_quiet_inputs(problem)
+    (whole,), (less,) = problem.simulate([Run()]), quiet.simulate([Run()])
+    assert whole is not None
+    assert less is not None
+    assert float(np.sum((whole.white - less.white) ** 2)) < thresholds.ALIKE
+    for before, after in zip(problem.recordings, quiet.recordings, strict=True):
+        assert np.mean(np.abs(np.diff(after.inputs["u"], 2)) > 1e-9) < 0.3
+        assert after.outputs is before.outputs
+
+
+def test_inputs_of_which_every_sample_counts_stay_as_recorded() -> None:
+    problem = measured(0.02, Derivative())
+    for before, after in zip(problem.recordings, with_quiet_inputs(problem).recordings, strict=True):
+        np.testing.assert_array_equal(after.inputs["u"], before.inputs["u"])
+
+
+def test_set_values_without_noise_stay_as_recorded() -> None:
+    problem = measured(0.0, Axis())
+    assert with_quiet_inputs(problem) is problem
+
+
+def test_a_motor_that_is_driven_by_a_noisy_signal_is_simulated_in_a_third_of_the_steps() -> None:
+    t = 1e-3 * np.arange(2001)
+    noisy = 5 * np.sin(2 * np.pi * t) + np.random.default_rng(1).normal(0, 0.05, len(t))
+    steps = []
+    with Simulation(chain(["motor", "load"]).system) as simulation:
+        for x in (noisy, on_fewer_knots(t, noisy, 16)):
+            inputs = Inputs(t, {"v_command": x})
+            simulation.run(Experiment(inputs, 2.0, output_step=1e-3, record=["w_motor"], scheme="monolithic"))
+            steps.append(simulation.counters["steps"])
+    assert steps[1] < steps[0] / 3, steps

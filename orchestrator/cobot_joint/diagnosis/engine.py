@@ -169,7 +169,7 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     if misread and misread.beats(problem, found.fit):
         return _channel_or_parameter(problem, found.selection.up_to(0), misread, say)
     is_formula = found.unmodelled is not None and found.unmodelled.may_be_a_data_sheet
-    select = Selector(problem, scan, say).select
+    select = Selector(problem, scan, say).beside
     if beside := _beside_claimed(problem, found, select, say):
         return _or_misread(problem, beside, misread)
     visible = problem.stands_out(found.calibrated.residual) or drifts_visibly(problem)
@@ -339,7 +339,7 @@ def _selected(
         return _term_in_place(problem, listed, loads, beside) or Explanation(
             calibrated, loads.fit, listed, loads.selected, loads
         )
-    alone = partial(nearly_alone, problem, listed, beside.select, say)
+    alone = partial(nearly_alone, problem, listed, beside.beside, say)
     if outside := stage("parameters outside their tolerances", alone):
         return _with_formula(problem, calibrated, outside, say)
     if can_follow(campaign, problem.plant) and not given:

@@ -73,6 +73,10 @@ class Selector:
         """On from some terms."""
         return self._forward(so_far, None)
 
+    def beside(self, freed: Fit) -> Selection:
+        """Beside a parameter that is let go of: none of any size in their place, which was looked for without it."""
+        return self._forward(Selection([freed]), None)
+
     def probes(self, fit: Fit) -> Mapping[str, float]:
         """Term -> amplitude that moves a run by about its noise."""
         return self.scan.probes(fit)

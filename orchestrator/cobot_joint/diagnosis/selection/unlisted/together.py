@@ -73,7 +73,7 @@ def _with_parameter(
     inside = held(problem, found.fit)
     if inside is None or not _both_needed(problem, listed, [start, inside, *others], found):
         return None
-    if terms := beside_listed(problem, rest, found, selector.select):
+    if terms := beside_listed(problem, rest, found, selector.beside):
         say(f"{terms.name} outside its tolerance, and listed terms beside it")
         return terms
     gain = inside.cost - found.fit.cost

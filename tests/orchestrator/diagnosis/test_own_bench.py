@@ -368,6 +368,7 @@ def test_friction_over_the_angle_of_a_joint_that_turns_once_there_and_back_is_fo
 
 
 @pytest.mark.long
+@pytest.mark.machine
 def test_gravity_behind_a_gear_whose_friction_sticks_is_placed_at_the_load(
     tmp_path: Path, cobot_joint: Callable[..., Done]
 ) -> None:

@@ -371,6 +371,7 @@ def test_the_system_repaired_from_a_table_in_the_diagnosis_is_that_with_the_form
 
 
 @pytest.mark.long
+@pytest.mark.machine
 def test_two_terms_one_of_which_ends_at_its_bound_are_held_against_a_formula() -> None:
     """Eddy currents were friction that saturates, all of it, and windage: together they leave what noise does"""
     with FmuPlant((case := load_campaign(OPEN.parent / "sealed/case18", roles=("train",))).systems()) as plant:

@@ -101,6 +101,7 @@ def _first_campaign(
     from cobot_joint.diagnosis.data.campaign import connectors_of, system_connectors, systems_of
     from cobot_joint.diagnosis.data.campaign_file import CampaignFile, RecordingEntry
     from cobot_joint.diagnosis.drafts.campaign_text import Columns, Lacking, campaign_text, guess, left_over
+    from cobot_joint.diagnosis.drafts.current_drive import with_commanded_current
     from cobot_joint.system.read import load_system
     from cobot_joint.system.wiring import driving, unwired
 
@@ -115,7 +116,8 @@ def _first_campaign(
     offered = [c for n, c in system_connectors(file).items() if n in unwired(own)]
     mine = {*own.inputs, *own.outputs} if own.inputs else {*own.outputs, *driving(own)}  # else not of its components
     connectors = {n: c for n, c in connectors.items() if n in mine}
-    guesses = guess(found[0].log.channels, connectors, defaults.logged)
+    columns = found[0].log.channels
+    guesses = with_commanded_current(own, guess(columns, connectors, defaults.logged), columns)
     if not any(connectors[g.connector].causality == "output" for g in guesses):
         raise UserError(
             f"{logs[0]}: no column looks like an output of {system}, which has {among(connectors)}; "
@@ -131,8 +133,8 @@ def _first_campaign(
     tolerances = {} if defaults.tolerances else usual_tolerances(file)
     channels = {c.name: c for i in found for c in i.log.channels}
     unusable = {name: why for i in found for name, why in i.log.unusable.items()}
-    columns = Columns(guesses, wanted, left_over(channels.values(), guesses, offered), unusable)
-    path.write_text(campaign_text(logs[0].stem, named, files, columns, tolerances, given), encoding="utf-8")
+    drafted = Columns(guesses, wanted, left_over(channels.values(), guesses, offered), unusable)
+    path.write_text(campaign_text(logs[0].stem, named, files, drafted, tolerances, given), encoding="utf-8")
     return path
 
 

@@ -40,6 +40,7 @@ class Guess:
     column: Channel
     connector: str
     why: str  # nothing: no guess, it has the connector's name and a unit
+    scale: str = ""  # connector's unit per column's, where these do not convert
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ def with_named_unit(column: Channel, connectors: Iterable[Connector]) -> Channel
     ends = [unit for suffix, unit in SUFFIXES.items() if any(name.endswith("_" + suffix) for name in names)]
     if words := IN_WORDS.search(column.name):
         ends.append(words["bracket"] or words["word"])
-    fitting = (u for u in ends if is_unit(u) and any(c.unit and _converts(u, c.unit) for c in connectors))
+    fitting = (u for u in ends if is_unit(u) and any(c.unit and converts(u, c.unit) for c in connectors))
     unit = next(fitting, None) if column.unit is None else None
     return replace(column, unit=unit) if unit else column
 
@@ -101,6 +102,8 @@ def guess(channels: Sequence[Channel], connectors: Mapping[str, Connector], logg
             chosen[candidate.connector] = candidate
     for candidate in _only_ones_left(channels, connectors, chosen):
         chosen[candidate.connector] = candidate
+    for candidate in _motors_own(channels, connectors, chosen):
+        chosen[candidate.connector] = candidate
     return [chosen[name] for name in connectors if name in chosen]
 
 
@@ -118,6 +121,23 @@ def _only_ones_left(
     ]
 
 
+def _motors_own(
+    channels: Sequence[Channel], connectors: Mapping[str, Connector], chosen: Mapping[str, Guess]
+) -> list[Guess]:
+    """Of columns with a unit that are alone in it, and fit several connectors without a column, that of the motor: a
+    drive logs its own encoder."""
+    columns = [c for c in channels if c.unit and c not in [g.column for g in chosen.values()]]
+    found = []
+    for column in columns:
+        fitting = [c for c in connectors.values() if c.name not in chosen and c.unit and _fits(column, c)]
+        own = [c.name for c in fitting if c.causality == "output" and "motor" in _words(c.name)]
+        alone = not any(converts(other.unit, column.unit) for other in columns if other is not column)
+        if alone and len(own) == 1 and len(fitting) > 1:
+            others = among([c.name for c in fitting if c.name != own[0]], 3)
+            found.append(Guess(column, own[0], f"the motor's, since a drive logs its own; it could be {others}"))
+    return found
+
+
 def left_over(
     channels: Iterable[Channel], guesses: Sequence[Guess], offered: Iterable[Connector]
 ) -> dict[str, list[str]]:
@@ -126,7 +146,7 @@ def left_over(
     free = [c for c in offered if c.name not in taken and c.unit]
     left = {}
     for channel in (with_named_unit(c, free) for c in channels):
-        alike = {c.name: _likeness(channel.name, c.name) for c in free if _converts(channel.unit, c.unit)}
+        alike = {c.name: _likeness(channel.name, c.name) for c in free if converts(channel.unit, c.unit)}
         fitting = [n for n, likeness in alike.items() if channel.unit not in (None, "1") or likeness >= ALIKE]
         if channel.name not in used:
             left[_header(channel)] = sorted(fitting, key=lambda n: -alike[n])
@@ -140,10 +160,11 @@ def _header(column: Channel) -> str:
 def _fits(column: Channel, connector: Connector) -> bool:
     """By its unit, and what was asked of the machine is not what it did."""
     asked = connector.causality == "output" and is_command(column.name)
-    return _converts(column.unit, connector.unit) and not asked
+    return converts(column.unit, connector.unit) and not asked
 
 
-def _converts(unit: str | None, target: str | None) -> bool:
+def converts(unit: str | None, target: str | None) -> bool:
+    """Whether it may be the same quantity; where one is not given, too."""
     if unit is None or target is None:
         return True
     try:
@@ -200,7 +221,8 @@ def _channels(columns: Columns) -> list[str]:
     lines = ["[channels]   # column -> connector of the system; look at every line that says guess"]
     for g in columns.guesses:
         why = f"   # guess: {g.why}" if g.why else ""
-        lines.append(f"{_quoted(_header(g.column))} = {_quoted(g.connector)}{why}")
+        to = f"{{ to = {_quoted(g.connector)}, scale = {_quoted(g.scale)} }}" if g.scale else _quoted(g.connector)
+        lines.append(f"{_quoted(_header(g.column))} = {to}{why}")
     for c in (each.connector for each in columns.lacking):
         lines.append(f'# "COLUMN" = {_quoted(c.name)}   # {c.causality} [{c.unit or "1"}]: no column was found')
     for header, fitting in columns.left.items():

@@ -41,6 +41,7 @@ class Part:
 FRICTION = {"friction.tau_C": "30 %", "friction.d": "30 %"}
 STICKS: Mapping[str, Value] = {"friction.law": 2}  # as real dry friction does
 TURNS: Mapping[str, Value] = {"body.lead": 0.0, **STICKS}  # what it has of a mass hangs on its shaft
+CURRENT_MODE = 2  # of `drive.mode`: i_ref = drive.k_i * set value, fmus/motor_bldc/drive.h
 SHARPEST = 0.02  # of the assumed w_C: dry friction that holds at rest is as good as met there, and not too stiff yet
 BODY = ("body.J", "friction.tau_C", "friction.d")
 PARTS: dict[str, Part] = {
@@ -270,6 +271,8 @@ def tolerances(component: Component, fits: Mapping[str, str]) -> dict[str, str]:
     that. "" where the parameter is 0: only whoever knows the machine can give a range."""
     nominal = {n: float(component.parameters.get(n, component.unit.variables[n].start) or 0.0) for n in fits}
     lines = {n: f'"{off}"' if nominal[n] != 0.0 else "" for n, off in fits.items()}
+    if component.parameters.get("drive.mode") == CURRENT_MODE:  # its loop gives whatever voltage the current takes
+        lines.pop("winding.R", None)
     if lines.get("friction.tau_C") and component.parameters.get("friction.law") != STICKS["friction.law"]:
         w_C = float(component.parameters.get("friction.w_C", component.unit.variables["friction.w_C"].start) or 0.0)
         why = "guess: the unit smooths dry friction below w_C, which no data sheet gives"

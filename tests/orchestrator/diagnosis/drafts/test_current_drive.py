@@ -1,0 +1,79 @@
+"""What a draft makes of the logs of a drive that is commanded a current."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cobot_joint.diagnosis.data.campaign import load_campaign
+from cobot_joint.diagnosis.data.formats import Channel
+from cobot_joint.diagnosis.data.recording import Connector
+from cobot_joint.diagnosis.drafts.campaign_text import guess
+from tests.orchestrator.diagnosis.typed import Done
+
+T = 1e-3 * np.arange(2000)
+GOES_IN = {"to": "v_command", "scale": "1 V/A"}
+
+
+def drafted(
+    folder: Path, cobot_joint: Callable[..., Done], columns: dict[str, float], mode: str = "current"
+) -> dict[str, Any]:
+    """The campaign that is drafted from a log with these columns, of this size; the column of time is added."""
+    rows = np.column_stack([T, *(size * np.sin(9 * T + k) for k, size in enumerate(columns.values()))])
+    np.savetxt(folder / "a.csv", rows, fmt="%.6g", delimiter=",", header=",".join(["t [s]", *columns]), comments="")
+    made = cobot_joint("new", "--chain", "motor,load", "--set", f"motor.drive.mode={mode}", "--out", "m")
+    assert made.returncode == 0, made.stderr
+    done = cobot_joint("inspect", "a.csv", "--system", "m/system.ssd", "--out", "f")
+    assert done.returncode == 0, done.stderr
+    return tomllib.loads((folder / "f/campaign.toml").read_text())
+
+
+def test_the_measured_current_goes_in_where_no_set_value_is_logged(
+    tmp_path: Path, cobot_joint: Callable[..., Done]
+) -> None:
+    """It was compared, and nothing drove the machine."""
+    draft = drafted(tmp_path, cobot_joint, {"Iq_ist [mA]": 1500.0, "Drehzahl [U/min]": 1200.0})
+    assert draft["channels"] == {"Iq_ist [mA]": GOES_IN, "Drehzahl [U/min]": "w_motor"}
+    (recording,) = load_campaign(tmp_path / "f/campaign.toml").recordings
+    assert np.max(recording.inputs["v_command"]) == pytest.approx(1.5, rel=1e-3)
+
+
+def test_a_set_value_goes_in_before_a_measured_current(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:
+    draft = drafted(tmp_path, cobot_joint, {"i_ist [A]": 1.5, "i_soll [A]": 1.5, "n_motor [rpm]": 1200.0})
+    assert draft["channels"] == {"i_ist [A]": "i_motor", "i_soll [A]": GOES_IN, "n_motor [rpm]": "w_motor"}
+
+
+def test_what_the_loop_makes_of_no_account_has_no_tolerance(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:
+    """The winding's resistance: the loop gives whatever voltage the current takes."""
+    draft = drafted(tmp_path, cobot_joint, {"i [A]": 1.5, "n_motor [rpm]": 1200.0})
+    assert "motor.winding.R" not in draft["tolerances"]
+    assert "motor.winding.k" in draft["tolerances"]
+
+
+def test_the_current_of_a_drive_that_is_commanded_a_voltage_is_compared(
+    tmp_path: Path, cobot_joint: Callable[..., Done]
+) -> None:
+    columns = {"u_soll [V]": 5.0, "i_ist [A]": 1.5, "n_motor [rpm]": 1200.0}
+    draft = drafted(tmp_path, cobot_joint, columns, mode="voltage")
+    assert draft["channels"] == {"u_soll [V]": "v_command", "i_ist [A]": "i_motor", "n_motor [rpm]": "w_motor"}
+    assert "motor.winding.R" in draft["tolerances"]
+
+
+@pytest.mark.parametrize(
+    ("columns", "found"),
+    [
+        (["Drehzahl"], {"w_motor": "Drehzahl"}),
+        (["abc", "xyz"], {}),
+        (["n_last"], {"w_load": "n_last"}),
+    ],
+    ids=["alone", "two that nobody tells apart", "the load's by its name"],
+)
+def test_a_speed_that_is_alone_is_the_motors(columns: list[str], found: dict[str, str]) -> None:
+    speeds = {n: Connector(n, "output", "rad/s") for n in ("w_motor", "w_load")}
+    logged = [Channel(n, "rpm", np.zeros(0), np.zeros(0)) for n in columns]
+    assert {g.connector: g.column.name for g in guess(logged, speeds)} == found

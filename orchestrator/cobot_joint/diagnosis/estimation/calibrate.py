@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from cobot_joint.cosim.clock import SLIGHT
-from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.conditioning import condition
 from cobot_joint.diagnosis.data.quantity import is_position
@@ -25,17 +24,24 @@ from cobot_joint.diagnosis.store import Store
 
 SETTLED = 0.02  # of what is above noise, that a re-fit may leave to its next step
 KNOTS = (2, 4, 8, 16)  # samples from one to the next
+UNFELT = 0.1  # of what a term must take, that fewer knots may change
 CALIBRATION = Precision(settled=10.0, roughly=SETTLED, jacobians=8)
 Progress = Callable[[str], None]
 
 
 def calibrate(campaign: Campaign, plant: Plant, say: Progress, store: Store) -> tuple[Problem, Fit]:
     """The problem, and the base model re-fitted inside its tolerances with nothing added."""
-    problem = with_quiet_inputs(Problem(plant, campaign.train, noises(campaign)))
+    problem = Problem(plant, campaign.train, noises(campaign))
     bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
     watched(problem, say)("re-fitting the base model inside its tolerances")
     base = Hypothesis(tolerances(problem, bounds))
     calibrated = store.remember("calibrated", told(campaign), lambda: _calibrated(problem, base))
+    quiet = with_quiet_inputs(problem, calibrated.run)
+    if quiet is not problem:
+        watched(quiet, say)("re-fitting the base model, measured inputs on fewer knots")
+        start = calibrated.x
+        again = store.remember("calibrated, inputs quiet", (told(campaign), start), lambda: refit(quiet, base, start))
+        problem, calibrated = (quiet, again) if again is not None else (problem, calibrated)
     off = left_of_each(problem, calibrated)
     if drifting := drifts(problem, off, campaign.told):
         weighed, start = Problem(plant, problem.recordings, problem.noise | drifting), calibrated.x
@@ -47,18 +53,19 @@ def calibrate(campaign: Campaign, plant: Plant, say: Progress, store: Store) -> 
     return problem, calibrated
 
 
-def with_quiet_inputs(problem: Problem) -> Problem:
+def with_quiet_inputs(problem: Problem, run: Run) -> Problem:
     """With measured inputs on as few knots as make no difference to what is compared: a simulation that follows the
-    noise of a current from sample to sample takes up to five times as long, and says the same."""
+    noise of a current from sample to sample takes up to five times as long, and says the same. The problem itself where
+    its inputs have no such noise. run: at which that is asked."""
     if problem.is_table or not any(_noisy_inputs(r) for r in problem.recordings):
         return problem
-    (followed,) = problem.simulate([Run()])
+    (followed,) = problem.simulate([run])
     if followed is None:
         return problem
-    quiet, least = list(problem.recordings), thresholds.ALIKE / len(problem.recordings)
+    quiet, least = list(problem.recordings), UNFELT * problem.evidence / len(problem.recordings)
     for every in KNOTS:
         tried = [_on_fewer_knots(r, every) for r in problem.recordings]
-        (found,) = Problem(problem.plant, tried, problem.noise).simulate([Run()])
+        (found,) = Problem(problem.plant, tried, problem.noise).simulate([run])
         if found is None:
             break
         off = (followed.white - found.white) ** 2

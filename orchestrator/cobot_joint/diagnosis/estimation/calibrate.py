@@ -56,7 +56,7 @@ def calibrate(campaign: Campaign, plant: Plant, say: Progress, store: Store) -> 
 def with_quiet_inputs(problem: Problem, run: Run) -> Problem:
     """With measured inputs on as few knots as make no difference to what is compared: a simulation that follows the
     noise of a current from sample to sample takes up to five times as long, and says the same. The problem itself where
-    its inputs have no such noise. run: at which that is asked."""
+    its inputs have no such noise, or every sample counts. run: at which that is asked."""
     if problem.is_table or not any(_noisy_inputs(r) for r in problem.recordings):
         return problem
     (followed,) = problem.simulate([run])
@@ -73,7 +73,8 @@ def with_quiet_inputs(problem: Problem, run: Run) -> Problem:
         if not any(same):
             break
         quiet = [new if alike else old for new, old, alike in zip(tried, quiet, same, strict=True)]
-    return Problem(problem.plant, quiet, problem.noise)
+    changed = any(new is not old for new, old in zip(quiet, problem.recordings, strict=True))
+    return Problem(problem.plant, quiet, problem.noise) if changed else problem
 
 
 def _noisy_inputs(recording: Recording) -> list[str]:

@@ -49,8 +49,7 @@ def test_an_input_has_fewer_knots_and_what_is_compared_is_the_same() -> None:
 
 def test_inputs_of_which_every_sample_counts_stay_as_recorded() -> None:
     problem = measured(0.02, Derivative())
-    for before, after in zip(problem.recordings, with_quiet_inputs(problem, Run()).recordings, strict=True):
-        np.testing.assert_array_equal(after.inputs["u"], before.inputs["u"])
+    assert with_quiet_inputs(problem, Run()) is problem
 
 
 def test_set_values_without_noise_stay_as_recorded() -> None:

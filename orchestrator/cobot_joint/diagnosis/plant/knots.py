@@ -10,11 +10,11 @@ Vector = NDArray[np.float64]
 
 BEYOND = 4.0  # sigma of an input's noise: what departs so far is no noise, and keeps its samples
 PASSES = 4  # over the stretches that do
-OF_SECOND_DIFFERENCES = 1.4826 / np.sqrt(6.0)  # sigma of white noise, over their median magnitude
+OF_SECOND_DIFFERENCES = 1.4826 / np.sqrt(6.0)  # sigma of normal white noise, over their median magnitude
 
 
 def on_fewer_knots(t: Vector, x: Vector, every: int) -> Vector:
-    """The line through a knot at every so-many samples that comes closest to x, both (n,), at the samples.
+    """Of the lines that turn only at every so-many-th sample the one closest to x, at the samples: all (n,).
 
     Where it departs from x by more than noise does, as at an edge, all samples are knots. Its integral is that of x, up
     to where it begins and ends; where x has no noise, it is x.

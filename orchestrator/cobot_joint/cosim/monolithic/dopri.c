@@ -34,6 +34,7 @@ double dopri_step(Stepper *r, double h, double tolerance) {
   FieldSystem *s = r->system;
   double e[MOST_STATES];
   r->h = h;
+  r->there = false;
   for (size_t n = 0; n < s->n; n++) r->k[0][n] = r->f[n];
 #pragma GCC unroll 7 /* known stages, so that states are summed side by side */
   for (int i = 1; i < STAGES; i++) {

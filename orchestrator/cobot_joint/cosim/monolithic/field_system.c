@@ -104,6 +104,7 @@ const Unit *system_begin(FieldSystem *s, double x[]) {
     u->values = u->field->values(u->instance);
     if (!u->values) return u->unit;
     look_up(s, u);
+    u->taken = false;
     memcpy(x + u->first, u->values, u->n * sizeof *x);
     for (size_t c = 0; c <= MOST_COLUMNS; c++) u->depends[c] = true;
   }
@@ -157,18 +158,44 @@ static void read_samples(FieldSystem *s, double t) {
   }
 }
 
-void system_evaluate(FieldSystem *s, double t, const double x[], double f[]) {
+static inline void go_to(FieldSystem *s, double t, const double x[]) {
   read_samples(s, t);
   for (size_t i = 0; i < s->n; i++) *s->state[i] = x[i];
   for (size_t k = 0; k < s->n_known; k++) *s->known[k].to = *s->known[k].from; /* before any unit is asked */
-  for (size_t v = 0; v < s->n_visits; v++) {
-    const FieldUnit *u = &s->units[s->visits[v].unit];
-    for (size_t j = 0; j < u->unit->real_inputs.n; j++)
-      *u->feeds[j].to = u->feeds[j].factor * *u->feeds[j].from + u->feeds[j].offset;
-    u->field->evaluate(u->instance, t);
-    for (size_t j = 0; j < u->n_given; j++) *u->given[j].to = *u->given[j].from;
-  }
+}
+
+static inline void visit(const FieldUnit *u, double t) {
+  for (size_t j = 0; j < u->unit->real_inputs.n; j++)
+    *u->feeds[j].to = u->feeds[j].factor * *u->feeds[j].from + u->feeds[j].offset;
+  u->field->evaluate(u->instance, t);
+  for (size_t j = 0; j < u->n_given; j++) *u->given[j].to = *u->given[j].from;
+}
+
+void system_evaluate(FieldSystem *s, double t, const double x[], double f[]) {
+  go_to(s, t, x);
+  for (size_t v = 0; v < s->n_visits; v++) visit(&s->units[s->visits[v].unit], t);
   for (size_t i = 0; i < s->n; i++) f[i] = *s->derivative[i];
+}
+
+void system_look(FieldSystem *s, double t, const double x[]) {
+  go_to(s, t, x);
+  for (size_t v = 0; v < s->n_visits; v++)
+    if (s->units[s->visits[v].unit].taken) visit(&s->units[s->visits[v].unit], t);
+}
+
+void system_take_unit(FieldSystem *s, FieldUnit *u) {
+  if (u->taken) return;
+  u->taken = true;
+  for (size_t j = 0; j < u->unit->real_inputs.n; j++) system_take(s, (size_t)u->unit->wires[j].signal);
+}
+
+void system_take(FieldSystem *s, size_t signal) {
+  for (size_t k = 0; k < s->n_units; k++) {
+    FieldUnit *u = &s->units[k];
+    const size_t first = (size_t)u->unit->first_signal, n = u->unit->real_outputs.n;
+    if (signal < first || signal >= first + n) continue;
+    if (!is_state(u, u->unit->real_outputs.refs[signal - first])) system_take_unit(s, u);
+  }
 }
 
 /* One column of a unit: derivatives and outputs by a variable of its own, or the time. false: nothing depends on it. */

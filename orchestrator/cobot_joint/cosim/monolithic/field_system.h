@@ -28,6 +28,7 @@ typedef struct { /* a unit among them */
   Feed *feeds;     /* of its inputs */
   size_t n_given;
   Copy *given;                    /* of its outputs that are no states */
+  bool taken;                     /* at ticks: its outputs, or what follows from them, are recorded or go to a sink */
   bool depends[MOST_COLUMNS + 1]; /* by column: whether a state, an input, the time was seen to matter */
 } FieldUnit;
 
@@ -69,6 +70,12 @@ bool system_gives(const FieldUnit *u, size_t j, double t);
 const Unit *system_unfit(FieldSystem *s, double t);
 /* dx/dt; units keep the point, signals are those of it */
 void system_evaluate(FieldSystem *s, double t, const double x[], double f[]);
+/* The same of `taken` units alone, for the signals that they give; derivatives are nobody's afterwards */
+void system_look(FieldSystem *s, double t, const double x[]);
+/* A unit is taken, and so are those from whose outputs its inputs follow at once. */
+void system_take_unit(FieldSystem *s, FieldUnit *u);
+/* The unit that has to be evaluated for a signal is taken; none where it is a state, or comes from outside. */
+void system_take(FieldSystem *s, size_t signal);
 /* J = df/dx and df/dt at t, x, the point last evaluated, where f was found, by differences of one unit at a time; units are
  * somewhere else afterwards */
 void system_jacobian(FieldSystem *s, double t, const double x[], const double f[], double J[][MOST_STATES],

@@ -99,7 +99,12 @@ int monolithic_begin(Monolithic *o, Master *m) {
   if (unit) return refused(m, unit, "is not initialized"), -1;
   if ((unit = system_unfit(o->system, time_of(m, 0))))
     return refused(m, unit, "gives another what does not follow from its states and inputs"), COSIM_UNFIT;
-  for (size_t k = 0; k < o->system->n_units; k++) o->asked[k] = is_asked(&m->plan, &o->system->units[k], time_of(m, 0));
+  for (size_t k = 0; k < o->system->n_units; k++) {
+    o->asked[k] = is_asked(&m->plan, &o->system->units[k], time_of(m, 0));
+    if (o->asked[k]) system_take_unit(o->system, &o->system->units[k]);
+  }
+  for (size_t k = 0; k < m->plan.n_recorded; k++) system_take(o->system, (size_t)m->plan.recorded[k].signal);
+  for (size_t k = 0; k < o->n_sunk; k++) system_take(o->system, o->sunk[k]);
   if (monolithic_resume(o, m)) return -1;
   memcpy(o->before, o->system->signal, (m->plan.n_outputs + m->plan.n_inputs) * sizeof *o->before);
   return 0;
@@ -122,7 +127,8 @@ static int set_discrete(Monolithic *o, Master *m, bool *moved) {
 static int events_here(Monolithic *o, Master *m) {
   Stepper *r = &o->stepper;
   for (int n = 0; n < MOST_EVENTS_AT_ONCE; n++) {
-    system_evaluate(o->system, r->t, r->x, r->f);
+    r->there = false;
+    stay(r);
     if (n > 0 && !(system_indicator(o->system) > 0)) {
       r->linear = false;
       o->next_step = fmin(o->next_step, FIRST);
@@ -137,7 +143,8 @@ static int events_here(Monolithic *o, Master *m) {
 int monolithic_resume(Monolithic *o, Master *m) {
   bool moved;
   o->stepper.t = time_of(m, m->tick);
-  system_evaluate(o->system, o->stepper.t, o->stepper.x, o->stepper.f);
+  o->stepper.there = false;
+  stay(&o->stepper);
   return set_discrete(o, m, &moved) || events_here(o, m) ? -1 : 0;
 }
 
@@ -145,9 +152,10 @@ int monolithic_resume(Monolithic *o, Master *m) {
 static int arrive(Monolithic *o, Master *m, int64_t tick, double **row) {
   const Plan *plan = &m->plan;
   const double t = time_of(m, tick), h = (double)(tick - o->sinks_at) * plan->step;
-  double x[MOST_STATES], f[MOST_STATES];
+  double x[MOST_STATES];
   between(&o->stepper, t, x);
-  system_evaluate(o->system, t, x, f);
+  o->stepper.there = false;
+  system_look(o->system, t, x);
   for (size_t k = 0; k < o->system->n_units; k++) {
     const FieldUnit *u = &o->system->units[k];
     if (!o->asked[k]) continue;
@@ -260,19 +268,17 @@ static int make_step(Monolithic *o, Master *m, double most, double *end, bool *e
     const double error = (is_explicit ? dopri_step : rodas_step)(r, h, m->plan.scheme.tolerance);
     const double room = fmin(fmax(0.9 * pow(error, is_explicit ? -0.2 : -0.25), 0.2), 4);
     if (error <= 1) {
+      if (!is_explicit) system_evaluate(o->system, r->t + h, r->y, r->k[AT_END]); /* where the other's last stage is */
       o->next_step =
           h < o->next_step ? fmax(o->next_step, h * room) : h * room; /* cut short: nothing against longer ones */
       choose_method(o, h, true);
       break;
     }
-    if (is_explicit) system_evaluate(o->system, r->t, r->x, r->f); /* where an implicit step would begin */
     o->next_step = h * (error < 1e12 ? fmin(room, 0.8) : 0.1);
     choose_method(o, o->next_step, false);
   }
   m->count.steps++;
   *end = r->t + r->h;
-  double f[MOST_STATES];
-  system_evaluate(o->system, *end, r->y, f);
   const double z = system_indicator(o->system);
   *event = z > 0;
   if (*event) space_events(o, *end = first_event(o, z));
@@ -282,6 +288,19 @@ static int make_step(Monolithic *o, Master *m, double most, double *end, bool *e
 static bool at_break(const Monolithic *o, const Master *m) {
   const Plan *plan = &m->plan;
   return o->next_break < plan->n_breaks && time_of(m, plan->breaks[o->next_break]) <= o->stepper.t + SHORTEST;
+}
+
+/* The present point is where the step last made ends, or an event is due within it. */
+static void move_on(Monolithic *o, double end) {
+  Stepper *r = &o->stepper;
+  const size_t size = o->system->n * sizeof(double);
+  if (end == r->t + r->h) {
+    memcpy(r->x, r->y, size);
+    memcpy(r->f, r->k[AT_END], size);
+  } else {
+    between(r, end, r->x);
+  }
+  r->t = end;
 }
 
 int monolithic_advance(Monolithic *o, Master *m, int64_t tick, double *rows) {
@@ -294,18 +313,21 @@ int monolithic_advance(Monolithic *o, Master *m, int64_t tick, double *rows) {
     if (!event && make_step(o, m, most, &end, &event)) return -1;
     if (end > r->t) {
       const bool reaches = end >= r->t + most - SHORTEST;
+      r->there = !event;
       if (write_rows(o, m, tick, end, &rows)) return -1;
-      between(r, end, r->x);
-      r->t = end;
+      move_on(o, end);
       if (reaches && !event) event = r->t >= o->next_event - SHORTEST;
     }
     r->linear = false;
-    system_evaluate(o->system, r->t, r->x, r->f);
-    if (at_break(o, m) && set_discrete(o, m, &event)) return -1;
+    if (at_break(o, m)) {
+      stay(r);
+      if (set_discrete(o, m, &event)) return -1;
+    }
     if (event && events_here(o, m)) return -1;
     const double most_steps = m->plan.scheme.pace * (1 + r->t - time_of(m, 0));
     if ((double)(m->count.steps + m->count.rejected) > most_steps)
       return trouble(m, "more steps than its pace allows", r->t), COSIM_UNFIT;
   }
+  stay(r);
   return 0;
 }

@@ -42,11 +42,13 @@ double rodas_step(Stepper *r, double h, double tolerance) {
   double x[MOST_STATES];
   r->h = h;
   if (!r->linear) {
+    stay(r);
     system_jacobian(s, r->t, r->x, r->f, r->J, r->f_t);
     r->linear = true;
     if (s->rows_grew) fill_in(&r->factors, s->n, s->rows);
     s->rows_grew = false;
   }
+  r->there = false;
   if (!factorize(&r->factors, 1 / (GAMMA * h), r->J)) return INFINITY;
   for (int i = 0; i < STAGES; i++) {
     double *k = r->k[i];

@@ -9,15 +9,24 @@ typedef struct {
   double J[MOST_STATES][MOST_STATES], f_t[MOST_STATES];
   Factors factors;
   bool linear; /* J and f_t are those of the present point */
+  bool there;  /* the units are at the present point */
   /* the step last tried: from t, x, where f is, by h to y; k: its stages; c2 to c4: of its interpolant */
   double t, h, x[MOST_STATES], f[MOST_STATES], y[MOST_STATES], k[7][MOST_STATES];
   double c2[MOST_STATES], c3[MOST_STATES], c4[MOST_STATES];
 } Stepper;
 
-/* A step of length h from t, x, f, which are set and where the units are. Returns the error over `tolerance` of what counts as
- * much of each state; infinite where there is no such step. */
+enum { AT_END = 6 }; /* stage k where f at y is, once a step was taken */
+
+/* A step of length h from t, x, f. Returns the error over `tolerance` of what counts as much of each state; infinite where
+ * there is no such step. */
 double rodas_step(Stepper *r, double h, double tolerance); /* however stiff the system is */
 double dopri_step(Stepper *r, double h, double tolerance); /* at a third of the cost, for steps that are short anyway */
+
+/* units at the present point, f theirs */
+static inline void stay(Stepper *r) {
+  if (!r->there) system_evaluate(r->system, r->t, r->x, r->f);
+  r->there = true;
+}
 
 /* x at a time inside of the step last tried */
 static inline void between(const Stepper *r, double t, double x[]) {

@@ -27,7 +27,6 @@ from cobot_joint.diagnosis.explanation.beyond_the_list import BeyondTheList
 from cobot_joint.diagnosis.explanation.explanation import Explanation, answer, units_of
 from cobot_joint.diagnosis.explanation.waves import by_recorded_angle
 from cobot_joint.diagnosis.findings import Diagnosis, Verdict
-from cobot_joint.diagnosis.localization.isolability import prefetch
 from cobot_joint.diagnosis.localization.localize import locate_difference
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import Plant, TermCandidate
@@ -79,7 +78,6 @@ def diagnose_plant(
 
 def _diagnosed(campaign: Campaign, plant: Plant, say: Progress, store: Store, budget: Budget) -> Diagnosis:
     begun = time.monotonic()
-    prefetch()
     problem, calibrated = calibrate(campaign, plant, say, store)
     problem.budget, say = budget, watched(problem, say)
     budget.keep = lambda name, look: store.remember(name, basis(campaign), look)

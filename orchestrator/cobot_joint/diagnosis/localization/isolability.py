@@ -1,25 +1,22 @@
 """Structural isolability: which units a difference in the recorded channels can point to at all.
 
 Only which signal depends on which others counts, no numbers: what holds here holds for every experiment. The analysis
-is that of Krysander and Frisk, 2008, as faultdiagnosistoolbox has it, which only this module knows.
+is that of Krysander, M. and Frisk, E. (2008), Sensor placement for fault diagnosis, IEEE Trans. Systems, Man, and
+Cybernetics A 38(6), on the decomposition of Dulmage, A. L. and Mendelsohn, N. S. (1958), Coverings of bipartite graphs,
+Canadian J. Math. 10.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from types import ModuleType
+
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from cobot_joint.diagnosis.localization.replay import Shown, unit_of
 from cobot_joint.diagnosis.plant.influence import behind, influences
 from cobot_joint.system.model import Connection, System
-
-NOBODY = "nobody"  # a fault in no equation: what can be told apart from it can be detected
-
-
-class NoToolbox(ImportError):
-    """faultdiagnosistoolbox is not there or does not import."""
 
 
 @dataclass(frozen=True)
@@ -73,46 +70,41 @@ def together(found: Sequence[Isolability]) -> Isolability:
     return Isolability(tuple(u for u in units if any(u in i.detectable for i in found)), apart)
 
 
-def prefetch() -> None:
-    """Import the toolbox beside other work: it takes seconds. Whoever needs it is told where that fails."""
-    pool = ThreadPoolExecutor(1)
-    pool.submit(_toolbox)
-    pool.shutdown(wait=False)
-
-
-def _toolbox() -> ModuleType:
-    try:
-        import faultdiagnosistoolbox
-    except (ImportError, AttributeError, ValueError) as error:  # an older one meets a newer numpy
-        raise NoToolbox(f"{error}; pip install 'cobot-joint[structural]' brings it") from error
-    return faultdiagnosistoolbox
-
-
 def isolability(system: System, channels: Collection[str], shown: Mapping[str, Shown]) -> Isolability:
-    """What the channels can tell apart, one fault per unit. shown: which signals they show when nothing is missing.
-
-    Raises NoToolbox.
-    """
-    toolbox = _toolbox()
+    """What the channels can tell apart, one fault per unit. shown: which signals they show when nothing is missing."""
     model = equations(system, channels, shown)
-    units = [c.name for c in system.components if any(e.unit == c.name for e in model)]
     known = {*system.inputs, *channels}
-    unknown = sorted({name for e in model for name in e.names} - known)
-    faults = [*units, NOBODY]
-    definition = {
-        "type": "MatrixStruc",
-        "x": unknown,
-        "X": [[int(name in e.names) for name in unknown] for e in model],
-        "f": faults,
-        "F": [[int(e.unit == unit) for unit in faults] for e in model],
-        "Z": [],
-    }
-    blurred = toolbox.DiagnosisModel(definition).IsolabilityAnalysis()  # 0: row can be told from column
-    apart = {
-        unit: tuple(other for j, other in enumerate(units) if j != i and blurred[i, j] == 0)
-        for i, unit in enumerate(units)
-    }
-    return Isolability(tuple(unit for i, unit in enumerate(units) if blurred[i, -1] == 0), apart)
+    units = [c.name for c in system.components if any(e.unit == c.name for e in model)]
+
+    def broken(fine: str | None) -> set[str | None]:
+        """Units whose difference contradicts the equations that hold whatever unit `fine` does."""
+        return {e.unit for e in redundant([e for e in model if fine is None or e.unit != fine], known)}
+
+    beside = {unit: broken(unit) for unit in units}
+    apart = {unit: tuple(other for other in units if other != unit and unit in beside[other]) for unit in units}
+    detectable = broken(None)
+    return Isolability(tuple(unit for unit in units if unit in detectable), apart)
+
+
+def redundant(model: Sequence[Equation], known: Collection[str]) -> list[Equation]:
+    """The equations that can be checked: those of the part that has more of them than unknown signals.
+
+    These are the ones that alternating paths reach from equations which a maximum matching leaves over (Dulmage and
+    Mendelsohn 1958).
+    """
+    unknown = {name: k for k, name in enumerate(sorted({n for e in model for n in e.names} - {*known}))}
+    incidence = [[unknown[n] for n in e.names if n in unknown] for e in model]
+    row, column = [i for i, names in enumerate(incidence) for _ in names], [k for names in incidence for k in names]
+    graph = csr_array(([1] * len(row), (row, column)), shape=(len(model), len(unknown)))
+    matched = maximum_bipartite_matching(graph, perm_type="column").tolist()  # equation -> its unknown, -1: left over
+    of = {k: i for i, k in enumerate(matched) if k >= 0}
+    reached = {i for i, k in enumerate(matched) if k < 0}
+    waiting = list(reached)
+    while waiting:
+        further = {of[k] for k in incidence[waiting.pop()]} - reached
+        reached |= further
+        waiting += further
+    return [e for i, e in enumerate(model) if i in reached]
 
 
 def equations(system: System, channels: Collection[str], shown: Mapping[str, Shown]) -> list[Equation]:

@@ -21,7 +21,7 @@ from cobot_joint.diagnosis.localization.conditions import (
     frequencies,
     orders,
 )
-from cobot_joint.diagnosis.localization.isolability import Isolability, NoToolbox, isolability, together
+from cobot_joint.diagnosis.localization.isolability import Isolability, isolability, together
 from cobot_joint.diagnosis.localization.replay import (
     Replayed,
     not_alone,
@@ -137,11 +137,8 @@ def _components(
         whole, *smaller = parts(setup, system, recorded, shown)
         found += [replay(problem, calibrated, part, shown, simulated) for part in (whole, *smaller)]
         alone = not_alone(whole, shown) | alone
-        try:
-            apart.append(isolability(system, recorded, shown))
-        except NoToolbox as error:
-            missing = str(error)
-    told = None if missing else together(apart)
+        apart.append(isolability(system, recorded, shown))
+    told = together(apart) if systems else None
     return Localization(tuple(found), suspects(found), alone, told, missing)
 
 

@@ -116,17 +116,23 @@ class Beside:
         self._asking = threading.Lock()
 
     def gain_over(self, other: Beside) -> float:
-        """How much more likely the same recordings are here than there: those in which neither filter loses its way, as
-        where an output rattles in its gap (where that is so in all, those in which it is hardly worse than in the
-        best), and of their blocks all but the best and worst.
-        """
+        """How much more likely the same recordings are here than there: of their blocks all but the best and worst."""
+        return self.regression.price - other.regression.price + trimmed_sum(self._more_than(other))
+
+    def doubt_over(self, other: Beside) -> float:
+        """1 sigma of `gain_over`, as its blocks differ among themselves: where a filter is lost in impacts, one motion
+        followed twice, from slightly other values, may be hundreds of nats more likely in a block, or less."""
+        return trimmed_sigma(self._more_than(other))
+
+    def _more_than(self, other: Beside) -> Array:
+        """By block, in those recordings in which neither filter loses its way, as where an output rattles in its gap
+        (where that is so in all, those in which it is hardly worse than in the best)."""
         here, there = ({t.tracked.recording.name: _lost(t) for t in each.trackings} for each in (self, other))
         lost = {name: max(here[name], there[name]) for name in here.keys() & there.keys()}
         best = min(lost.values(), default=0.0)
         most = LOST if best < LOST else WORSE * best
         both = {name for name, share in lost.items() if share < most}
-        more = self._by_block(both) - other._by_block(both)
-        return self.regression.price - other.regression.price + trimmed_sum(more)
+        return self._by_block(both) - other._by_block(both)
 
     def _by_block(self, recordings: Collection[str]) -> Array:
         """Log likelihood of these recordings' innovations, parameters and background as fitted, but for a constant:
@@ -285,6 +291,15 @@ class Beside:
 def trimmed_sum(blocks: Array) -> float:
     """Without the largest and the smallest."""
     return float(np.sort(blocks)[1:-1].sum())
+
+
+def trimmed_sigma(blocks: Array) -> float:
+    """1 sigma of `trimmed_sum`: that of the blocks, the largest and the smallest drawn in to their neighbours, times
+    the root of their number (Tukey and McLaughlin 1963, Sankhya A 25(3)). 0: too few to say."""
+    if len(blocks) < 4:
+        return 0.0
+    inner = np.sort(blocks)[1:-1]
+    return float(np.std([inner[0], *inner, inner[-1]], ddof=1) * np.sqrt(len(blocks)))
 
 
 def _lost(t: Tracking) -> float:

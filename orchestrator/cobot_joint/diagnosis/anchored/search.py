@@ -44,8 +44,8 @@ class Named:
     """A term that is on.
 
     next_best: evidence of the best term that could not be called alike; if it is more, that one did not predict, and
-    the name is no claim. in_all: log likelihood that it adds to all recordings, followed again with it; predicted: to
-    parts of them that it was not fitted to. shows: whether free runs feel it, beside what these leave (free_runs.py).
+    the name is no claim. in_all: log likelihood that it adds to all recordings, followed again with it; doubt: 1
+    sigma of that; predicted: to parts that it was not fitted to. shows: whether free runs feel it beside the rest.
     """
 
     candidate: Candidate
@@ -54,6 +54,7 @@ class Named:
     predicted: float
     where: dict[str, object]
     in_all: float = 0.0
+    doubt: float = 0.0
     shows: bool = True
 
     @property
@@ -69,11 +70,12 @@ class Named:
 
 def confidence(named: Named) -> float:
     """0..1, by the evidence as far as it predicts, and by how near the best of the others came; no claim where the
-    term, once it is on, is worth less than half of that, or where free runs hardly feel it."""
+    term, once it is on, is clearly worth less than half of that, or where free runs hardly feel it."""
     share = max(named.next_best, 0.0) / max(named.evidence, 1.0)
     proven = max(min(named.evidence, named.predicted), 1.0)
     score = INTERCEPT + COEFFICIENT * math.log10(proven) + NEXT_BEST * share
-    stands = named.shows and share < 1 and named.in_all >= thresholds.HOLDS * min(named.evidence, named.predicted)
+    worth = named.in_all + named.doubt >= thresholds.HOLDS * min(named.evidence, named.predicted)
+    stands = named.shows and share < 1 and worth
     return round(min(1 / (1 + math.exp(-score)), MOST if stands else thresholds.WITHHELD), 3)
 
 
@@ -187,9 +189,10 @@ class Searcher:
             return None
         # in what is linear, a base parameter was free to leave its tolerance already
         more = named.evidence if named.name in self.bounds else then.gain_over(at)
-        self.say(f"{named.name}: {more:+.0f} in all")
-        with_it.named[-1] = replace(named, in_all=more)
-        return (with_it, then) if more > 0 else None
+        doubt = 0.0 if named.name in self.bounds else then.doubt_over(at)
+        self.say(f"{named.name}: {more:+.0f} +- {doubt:.0f} in all")
+        with_it.named[-1] = replace(named, in_all=more, doubt=doubt)
+        return (with_it, then) if more + doubt > 0 else None
 
     def _settle(self, found: Search, most: int, begun: Beside | None = None) -> Beside:
         """Follow the recordings (begun: already done), and again with the free parameters where they are most likely,
@@ -327,9 +330,8 @@ class Searcher:
                 return None
             return np.column_stack([outputs[channel] for channel in r.outputs])
 
-        results = at_once(of_one, recordings)
-        ended = [outputs for outputs in results if outputs is not None]
-        return ended if len(ended) == len(results) else None
+        ended = [outputs for outputs in at_once(of_one, recordings) if outputs is not None]
+        return ended if len(ended) == len(recordings) else None
 
     def _outside_predicts(self, found: Search, at: Beside, name: str) -> Predicted:
         """Of a base parameter beyond a bound: what that adds to parts that it was not fitted to."""
@@ -340,8 +342,7 @@ class Searcher:
     def _outside(self, found: Search, at: Beside, candidate: Candidate) -> Candidate | None:
         """A base parameter is an answer of its own where its tolerance holds it back: by as much as the recordings are
         less likely at the bound."""
-        name = candidate.term.name
-        off, sigma = at.corrections[name]
+        off, sigma = at.corrections[name := candidate.term.name]
         value, (low, high) = self._value(found, name) + off, self.bounds[name]
         beyond = max(value - high, low - value)
         if beyond <= 0:

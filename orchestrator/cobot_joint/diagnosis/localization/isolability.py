@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
@@ -94,8 +95,10 @@ def redundant(model: Sequence[Equation], known: Collection[str]) -> list[Equatio
     """
     unknown = {name: k for k, name in enumerate(sorted({n for e in model for n in e.names} - {*known}))}
     incidence = [[unknown[n] for n in e.names if n in unknown] for e in model]
-    row, column = [i for i, names in enumerate(incidence) for _ in names], [k for names in incidence for k in names]
-    graph = csr_array(([1] * len(row), (row, column)), shape=(len(model), len(unknown)))
+    edges = np.array([(i, k) for i, names in enumerate(incidence) for k in names], dtype=np.int32).reshape(-1, 2)
+    graph = csr_array(
+        (np.ones(len(edges)), edges.T), shape=(len(model), len(unknown))
+    )  # SciPy 1.13 takes 32-bit indices
     matched = maximum_bipartite_matching(graph, perm_type="column").tolist()  # equation -> its unknown, -1: left over
     of = {k: i for i, k in enumerate(matched) if k >= 0}
     reached = {i for i, k in enumerate(matched) if k < 0}

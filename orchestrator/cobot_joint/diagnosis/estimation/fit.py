@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -64,6 +64,15 @@ class Fit:
         """95 % of coordinate k in its own unit, everything else free. stretches: see covariance."""
         c = self.hypothesis.coordinates[k]
         return _interval(c, c.start + c.scale * float(self.x[k]), _sigma(self.covariance(stretches), k))
+
+    def is_none(self, amplitudes: Collection[str], stretches: Stretches | None = None) -> bool:
+        """Whether a common factor of some terms' amplitudes may be 0 by its 95 % interval, all else free.
+
+        Of terms that act alike their sum may be known where each alone is not (Wald 1943, Trans. Amer. Math. Soc. 54).
+        """
+        k = [k for k, c in enumerate(self.hypothesis.coordinates) if c.names[0] in amplitudes]
+        C = self.covariance(stretches)[np.ix_(k, k)]
+        return bool(self.x[k] @ np.linalg.pinv(C, hermitian=True) @ self.x[k] <= NORMAL**2)
 
     def estimates(self, units: Mapping[str, str], stretches: Stretches | None = None) -> dict[str, Estimate]:
         """Every parameter that the fit moved or set, with its 95 % interval.

@@ -159,7 +159,10 @@ def _finding(
     sure, ground = _sure(problem, explanation, selected, left)
     size = repaired.get(active.term.amplitude)
     vague = size is not None and size.ci95 is not None and size.ci95[0] <= active.term.neutral <= size.ci95[1]
-    short = size is not None and size.at and problem.stands_out(explanation.fit.residual)
+    if len(both) > 1 and vague:  # which unit has how much of it is not known; how much both have may be
+        vague = explanation.fit.is_none([a.term.amplitude for a in both], problem.stretches(explanation.fit.residual))
+    as_large = all(repaired[a.term.amplitude].at for a in both if a.term.amplitude in repaired)
+    short = size is not None and as_large and problem.stands_out(explanation.fit.residual)
     straight = _may_be_a_parameter(explanation.fit, active)
     found = Finding(
         term=selected.term,

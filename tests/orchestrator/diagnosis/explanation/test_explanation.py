@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
@@ -36,6 +37,29 @@ def test_a_term_whose_size_may_be_none_is_no_claim(
     monkeypatch.setattr(type(found), "estimates", estimates)
     selection = Selection([base, found], [Selected("axis.windage", base.cost - found.cost)])
     (finding,) = answer(problem, Explanation(base, found, selection, selection.selected)).findings
+    assert (finding.confidence >= 0.5) == claimed
+    assert ("its size may be none" in finding.limited_by) != claimed
+
+
+@pytest.mark.parametrize(("told", "claimed"), [(1.0, True), (1e-4, False)])
+def test_what_two_units_have_together_is_a_claim_though_either_may_have_none(told: float, claimed: bool) -> None:
+    """Machine 127/12: a motor's and a gear's friction act alike. told: how much of their sum the recordings tell."""
+    case = campaign({"axis.windage.c": 1e-5})
+    problem = Problem(Axis(), case.train, {"w": Noise(NOISE)})
+    windage = TERMS[0]
+    twin = replace(windage, name="b.windage", amplitude="b.windage.c")
+    base = fit(problem, Hypothesis(()))
+    one = fit(problem, Hypothesis((), (ActiveTerm(windage, {"axis.windage.c": 1e-5}),)))
+    assert base is not None
+    assert one is not None
+    both = Hypothesis((), tuple(ActiveTerm(t, {t.amplitude: 5e-6}) for t in (windage, twin)))
+    apart = 1e-4 * np.linalg.norm(one.jacobian) * np.eye(len(one.residual), 1)
+    J = told * np.hstack([one.jacobian + apart, one.jacobian - apart])
+    found = replace(one, hypothesis=both, x=both.start(), jacobian=J)
+    each = found.estimates({})["axis.windage.c"].ci95
+    assert each[0] < 0 < each[1]
+    alike = Selection([base, found], [Selected("axis.windage", 1e5)], indistinguishable={"b.windage": "axis.windage"})
+    (finding,) = answer(problem, Explanation(base, found, alike, alike.selected)).findings
     assert (finding.confidence >= 0.5) == claimed
     assert ("its size may be none" in finding.limited_by) != claimed
 

@@ -117,7 +117,8 @@ def nearest(name: str, names: Iterable[str]) -> str:
 
 
 def _parquet(path: Path, time: str | None, layout: Layout, table: bool) -> Log:
-    content = pa.parquet.read_table(path)
+    with pa.parquet.ParquetFile(path) as file:  # `read_table` imports pandas
+        content = file.read()
     raw = []
     for header, data, kind in zip(content.column_names, content.columns, content.schema, strict=True):
         about: dict[bytes, bytes] = {key.lower(): value for key, value in dict(kind.metadata or {}).items()}
@@ -150,7 +151,9 @@ def _arrow(column: pa.ChunkedArray, first_line: int | None = None) -> NDArray[np
             values = values.astype(np.int64) - np.int64(values[0])
         return np.asarray(values, dtype=float)
     if pa.types.is_boolean(kind) or pa.types.is_floating(kind):
-        return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False))
+        doubles = column.cast(pa.float64()).combine_chunks()
+        # `to_numpy` imports pandas, which takes as long as a few simulations
+        return doubles.to_numpy(zero_copy_only=False) if doubles.null_count else np.array(np.from_dlpack(doubles))
     if pa.types.is_null(kind):
         return "has no values"
     if not (pa.types.is_string(kind) or pa.types.is_large_string(kind)):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.plant.at_once import at_once
 from cobot_joint.results.diagnosed import VARIANTS
 
 Simulator = Callable[[Recording], Mapping[str, NDArray[np.float64]]]  # outputs of the system at the recording's time
@@ -30,19 +31,26 @@ class Comparison:
 
 
 def compare(recordings: Sequence[Recording], simulators: Mapping[str, Simulator]) -> list[Comparison]:
-    """Run every variant on every recording."""
-    compared = []
-    for recording in recordings:
-        simulated, failed = {}, {}
-        for variant, simulate in simulators.items():
-            try:
-                outputs = simulate(recording)
-            except SimulationError as error:
-                failed[variant] = str(error)
-                outputs = dict.fromkeys(recording.outputs, np.full(len(recording.time), np.nan))
-            simulated[variant] = {channel: np.asarray(outputs[channel], dtype=float) for channel in recording.outputs}
-        compared.append(Comparison(recording, simulated, failed))
-    return compared
+    """Run every variant on every recording, variants beside each other."""
+    runs = at_once(lambda simulate: [_outputs(simulate, recording) for recording in recordings], simulators.values())
+    by_recording = [dict(zip(simulators, of_one, strict=True)) for of_one in zip(*runs, strict=True)]
+    return [
+        Comparison(
+            recording,
+            {variant: outputs for variant, (outputs, _) in found.items()},
+            {variant: why for variant, (_, why) in found.items() if why},
+        )
+        for recording, found in zip(recordings, by_recording, strict=True)
+    ]
+
+
+def _outputs(simulate: Simulator, recording: Recording) -> tuple[dict[str, NDArray[np.float64]], str]:
+    """By channel, (n,) each; NaN, and why, where it cannot be simulated."""
+    try:
+        outputs, why = simulate(recording), ""
+    except SimulationError as error:
+        outputs, why = dict.fromkeys(recording.outputs, np.full(len(recording.time), np.nan)), str(error)
+    return {channel: np.asarray(outputs[channel], dtype=float) for channel in recording.outputs}, why
 
 
 def rms(compared: Sequence[Comparison], variant: str, channel: str) -> float | None:

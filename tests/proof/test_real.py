@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -52,3 +54,14 @@ def test_xl330_at_a_gain_it_was_not_fitted_on_is_met_within_50_mrad(root: Path) 
 def test_ak80_9_beyond_its_trained_currents_is_met_within_0_69_newton_metres(root: Path) -> None:
     ((recording, found),) = simulated(root, "ak80_9")
     assert np.sqrt(np.mean((found["torque"] - recording.outputs["torque"]) ** 2)) <= 0.69
+
+
+def test_a_case_that_was_diagnosed_and_not_verified_is_skipped_with_a_word(root: Path, tmp_path: Path) -> None:
+    (tmp_path / "emps").mkdir()
+    (tmp_path / "emps" / "diagnosis.json").write_text("{}")
+    said = subprocess.run(
+        [sys.executable, root / "proof" / "real" / "judge.py", tmp_path], capture_output=True, text=True, check=True
+    )
+    assert (
+        "emps             not proved yet, emps/verify.parquet is missing: cobot-joint prove proof/real" in said.stdout
+    )

@@ -8,6 +8,7 @@ Multiscale seismic waveform inversion, Geophysics 60(5), 1457-1473.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +25,7 @@ NARROWER = 4  # times, the window of the next
 SLOW = 32  # samples, the same where only the slow part of a residual is asked for
 LEAST = 20  # windows that a recording must have
 ON_THE_WAY = Precision(settled=10.0, roughly=0.02, steps=8, jacobians=1)  # of the slow parts' fits
+TIMES = 4  # at most, that a fit is led out of one minimum after the other
 FAR = 0.03  # of the slow residual above noise, that a re-fit would take: of 45 calibrations on ../shared 8 have more,
 # up to 0.63; there the better of both fits counts, so that it costs time only
 
@@ -51,19 +53,29 @@ class Averaged(Problem):
 def out_of_local_minimum(problem: Problem, found: Fit, precision: Precision) -> Fit:
     """The fit itself, or a better one where its slow part says that it is far from where it belongs.
 
-    The question costs no simulation: the fit's own Jacobian, averaged, predicts what the slow residual would lose.
+    The question costs no simulation: the fit's own Jacobian, averaged, predicts what the slow residual would lose. A
+    better one is asked again: a load took 77 % at first, 84 % then, and 99 % at last (machine 239/35).
     """
     slowest_first = scales(problem)
+    for _ in range(TIMES):
+        better = _led_out(problem, found, slowest_first, precision)
+        if better is None or better.cost >= found.cost:
+            break
+        found = better
+    return found
+
+
+def _led_out(problem: Problem, found: Fit, slowest_first: Sequence[Averaged], precision: Precision) -> Fit | None:
+    """From the widest means to the narrowest, then with all rows. None: another form is missing, not another place."""
     if not any(_is_far(slow, found) for slow in slowest_first):
-        return found
+        return None
     at = found
     for slow in slowest_first:
         begun = fit_on(slow, at, ON_THE_WAY)
         if begun is None or (_is_far(slow, found) and not _lost(slow, found, begun.chi2)):
-            return found  # another form is missing, not another place
+            return None
         at = begun
-    ended = fit_on(problem, at, precision)
-    return ended if ended is not None and ended.cost < found.cost else found
+    return fit_on(problem, at, precision)
 
 
 def slow_first(problem: Problem, hypothesis: Hypothesis, x: Vector, precision: Precision) -> Fit | None:

@@ -21,6 +21,7 @@ from cobot_joint.diagnosis.estimation.least_squares import (
     fit_on,
     predicted_decrease,
 )
+from cobot_joint.diagnosis.estimation.multiscale import out_of_local_minimum
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 from cobot_joint.diagnosis.findings import Candidate
 from cobot_joint.diagnosis.selection.competition import Competition, finished
@@ -132,6 +133,8 @@ class Selector:
     def round(self, so_far: Selection) -> Selection:
         """One term more, or done."""
         best = self.with_onsets(self.to_its_end(so_far.fit))
+        if best.hypothesis.terms and self.problem.stands_out(best.residual):
+            best = out_of_local_minimum(self.problem, best, finished(1))
         so_far = replace(so_far, history=[*so_far.history[:-1], best])
         if not self.problem.unexplained(best.residual):
             return replace(so_far, done=True)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.estimation import multiscale
 from cobot_joint.diagnosis.estimation.calibrate import CALIBRATION, noises
 from cobot_joint.diagnosis.estimation.effects import BaseParameter
 from cobot_joint.diagnosis.estimation.fit import Fit
@@ -81,6 +83,21 @@ def test_a_fit_that_is_where_it_belongs_costs_no_simulation() -> None:
     before = problem.runs
     assert out_of_local_minimum(problem, found, PRECISION) is found
     assert problem.runs == before
+
+
+@pytest.mark.parametrize(("costs", "ends_at"), [((5.0, 1.0, None), 1.0), ((5.0, 6.0), 5.0), ((None,), 9.0)])
+def test_a_fit_that_was_led_out_is_asked_again_until_none_is_better(
+    costs: Sequence[float | None], ends_at: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Machine 239/35: the way out of one minimum led to another."""
+    led = iter(costs)
+    monkeypatch.setattr(
+        multiscale, "_led_out", lambda *_: None if (cost := next(led)) is None else SimpleNamespace(cost=cost)
+    )
+    stuck = SimpleNamespace(cost=9.0)
+    found = out_of_local_minimum(stop(0.0), stuck, PRECISION)  # type: ignore[arg-type]
+    assert found.cost == ends_at
+    assert list(led) == []
 
 
 def test_a_recording_of_some_windows_only_is_left_as_it_is() -> None:

@@ -183,6 +183,7 @@ def test_a_drag_on_no_list_is_not_called_a_data_sheet_that_is_wrong(seed: int, n
         pytest.param(163, 53, id="a belt that creeps late", marks=MACHINE),
         pytest.param(193, 51, id="a reading that jumps", marks=MACHINE),
         pytest.param(199, 11, id="a brake that lets go slowly", marks=MACHINE),
+        pytest.param(239, 35, id="a load"),
     ],
 )
 def test_what_is_much_larger_than_a_background_is_named(seed: int, number: int) -> None:
@@ -194,7 +195,8 @@ def test_what_is_much_larger_than_a_background_is_named(seed: int, number: int) 
     for a brake's idle torque and a drag; a brake's torque was named and a motor's drag beside it missed; and a belt
     that creeps from 4.141 s on was a brake that fades from 4.089 s on. A sensor's low-pass from 3.4418 s on was put at
     3.55 s: where it sets in its reading jumps, and a sample earlier or later is no better. A brake that lets go a
-    hundred times more slowly had been looked at up to half of its bound, twice more slowly."""
+    hundred times more slowly had been looked at up to half of its bound, twice more slowly. A load was held in a local
+    minimum, where it took three quarters."""
     row = counted(Draws(PATTERN.parents[1] / "case04" / "campaign.toml", 8.0, seed), number)
     assert row["effects"]
     assert all(e["named"] for e in row["effects"])

@@ -25,7 +25,6 @@ NARROWER = 4  # times, the window of the next
 SLOW = 32  # samples, the same where only the slow part of a residual is asked for
 LEAST = 20  # windows that a recording must have
 ON_THE_WAY = Precision(settled=10.0, roughly=0.02, steps=8, jacobians=1)  # of the slow parts' fits
-TIMES = 4  # at most, that a fit is led out of one minimum after the other
 FAR = 0.03  # of the slow residual above noise, that a re-fit would take: of 45 calibrations on ../shared 8 have more,
 # up to 0.63; there the better of both fits counts, so that it costs time only
 
@@ -50,14 +49,14 @@ class Averaged(Problem):
         return int(sum(_means(block.weight, self.window).sum() for block in self.blocks))
 
 
-def out_of_local_minimum(problem: Problem, found: Fit, precision: Precision) -> Fit:
+def out_of_local_minimum(problem: Problem, found: Fit, precision: Precision, times: int = 1) -> Fit:
     """The fit itself, or a better one where its slow part says that it is far from where it belongs.
 
-    The question costs no simulation: the fit's own Jacobian, averaged, predicts what the slow residual would lose. A
-    better one is asked again: a load took 77 % at first, 84 % then, and 99 % at last (machine 239/35).
+    The question costs no simulation: the fit's own Jacobian, averaged, predicts what the slow residual would lose.
+    times: at most, that it is led out of one minimum after the other.
     """
     slowest_first = scales(problem)
-    for _ in range(TIMES):
+    for _ in range(times):
         better = _led_out(problem, found, slowest_first, precision)
         if better is None or better.cost >= found.cost:
             break

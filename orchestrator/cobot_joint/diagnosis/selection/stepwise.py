@@ -36,6 +36,7 @@ POINTED = 8  # terms that are looked at again after the first was added
 POSSIBLE = 4  # leading ones that are looked at as they are, where what is left stands out
 BESIDE = 2  # of them that are fitted in many recordings, where a later term may take less than it leaves
 PASSES = 3  # over the onsets of several terms
+LED_OUT = 4  # times at most, that a load's fit is led out of a local minimum
 SUBSET = 1e-8  # of the largest singular value, below which a column is not asked to stand in for another
 
 Progress = Callable[[str], None]
@@ -132,9 +133,7 @@ class Selector:
 
     def round(self, so_far: Selection) -> Selection:
         """One term more, or done."""
-        best = self.with_onsets(self.to_its_end(so_far.fit))
-        if best.hypothesis.terms and self.problem.stands_out(best.residual):
-            best = out_of_local_minimum(self.problem, best, finished(1))
+        best = self._led_out(self.with_onsets(self.to_its_end(so_far.fit)))
         so_far = replace(so_far, history=[*so_far.history[:-1], best])
         if not self.problem.unexplained(best.residual):
             return replace(so_far, done=True)
@@ -311,6 +310,14 @@ class Selector:
             return best
         found = fit(self.problem, best.hypothesis, best.x, None, finished(3, steps=30))
         return found if found is not None and found.cost < best.cost else best
+
+    def _led_out(self, best: Fit) -> Fit:
+        """Loads must take nearly all: where they leave what stands out, led out of local minima as often as that helps.
+        One had taken 77 %, 84 % after the first time, 99 % after the second (machine 239/35)."""
+        loads = any(active.term.episode for active in best.hypothesis.terms)
+        if not loads or not self.problem.stands_out(best.residual):
+            return best
+        return out_of_local_minimum(self.problem, best, finished(1), LED_OUT)
 
     def with_onsets(self, best: Fit) -> Fit:
         """With the onsets of several terms looked at once more: they were found while the last was off. Of one term,

@@ -95,7 +95,7 @@ def test_a_fit_that_was_led_out_is_asked_again_until_none_is_better(
         multiscale, "_led_out", lambda *_: None if (cost := next(led)) is None else SimpleNamespace(cost=cost)
     )
     stuck = SimpleNamespace(cost=9.0)
-    found = out_of_local_minimum(stop(0.0), stuck, PRECISION)  # type: ignore[arg-type]
+    found = out_of_local_minimum(stop(0.0), stuck, PRECISION, times=3)  # type: ignore[arg-type]
     assert found.cost == ends_at
     assert list(led) == []
 

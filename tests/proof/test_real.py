@@ -62,6 +62,4 @@ def test_a_case_that_was_diagnosed_and_not_verified_is_skipped_with_a_word(root:
     said = subprocess.run(
         [sys.executable, root / "proof" / "real" / "judge.py", tmp_path], capture_output=True, text=True, check=True
     )
-    assert (
-        "emps             not proved yet, emps/verify.parquet is missing: cobot-joint prove proof/real" in said.stdout
-    )
+    assert "not proved yet, emps/verify.parquet is missing: cobot-joint prove proof/real" in said.stdout

@@ -95,10 +95,9 @@ def redundant(model: Sequence[Equation], known: Collection[str]) -> list[Equatio
     """
     unknown = {name: k for k, name in enumerate(sorted({n for e in model for n in e.names} - {*known}))}
     incidence = [[unknown[n] for n in e.names if n in unknown] for e in model]
+    # 32-bit indices are all that SciPy 1.13's matching takes
     edges = np.array([(i, k) for i, names in enumerate(incidence) for k in names], dtype=np.int32).reshape(-1, 2)
-    graph = csr_array(
-        (np.ones(len(edges)), edges.T), shape=(len(model), len(unknown))
-    )  # SciPy 1.13 takes 32-bit indices
+    graph = csr_array((np.ones(len(edges)), edges.T), shape=(len(model), len(unknown)))
     matched = maximum_bipartite_matching(graph, perm_type="column").tolist()  # equation -> its unknown, -1: left over
     of = {k: i for i, k in enumerate(matched) if k >= 0}
     reached = {i for i, k in enumerate(matched) if k < 0}

@@ -13,7 +13,9 @@ static const double LONGEST = 16e-3;                    /* s */
 static const double FIRST = 1e-4;                       /* s, tried first, and after an event */
 static const double CLOSE = 1e-7;                       /* s, between events */
 static const double SHORT = 1.5e-3;                     /* s, of steps that an explicit method may take as well */
-static const double COST = 3;                           /* of an implicit step, in explicit ones */
+static const double COST = 4;                           /* of an implicit step, in explicit ones */
+static const double BETA = 0.08;                        /* by how much the last error counts, explicit steps */
+static const double SMALL = 1e-4;                       /* of an error, in the one allowed: smaller counts as this */
 enum { TRIAL = 3, PATIENCE = 16, MOST_PATIENCE = 256 }; /* steps */
 enum { MOST_TRIES = 100, MOST_EVENTS_AT_ONCE = 64 };
 
@@ -25,6 +27,7 @@ struct Monolithic {
   size_t n_sunk, *sunk;         /* signals that sinks take */
   int64_t sinks_at;             /* tick */
   double next_step, next_event; /* s */
+  double last_error;            /* of the last step taken, in the one allowed */
   bool is_explicit;
   int trial, wait, patience; /* steps left of a trial of the other method; steps until the next */
   double other_step;         /* s, of the method that the one on trial would replace */
@@ -88,6 +91,7 @@ static bool is_asked(const Plan *plan, const FieldUnit *u, double t) {
 
 int monolithic_begin(Monolithic *o, Master *m) {
   o->next_step = FIRST;
+  o->last_error = SMALL;
   o->next_break = 0;
   o->sinks_at = 0;
   o->apart = 0;
@@ -238,7 +242,7 @@ static void change_method(Monolithic *o, double next_step) {
   o->wait = o->patience;
 }
 
-/* Which method takes the next step: an explicit step costs a third, so that it has to go a third as far. Now and then, more and
+/* Which method takes the next step: an explicit step costs a fourth, so that it has to go a fourth as far. Now and then, more and
  * more seldom where that leads nowhere, the other is tried for some steps; where steps are long, the explicit one is not. */
 static void choose_method(Monolithic *o, double h, bool accepted) {
   const bool worth = o->is_explicit ? h * COST > o->other_step : h > o->other_step * COST;
@@ -257,24 +261,34 @@ static void choose_method(Monolithic *o, double h, bool accepted) {
   }
 }
 
+/* How many times longer the next step may be. Where stability bounds explicit steps, PI control rejects fewer of them:
+ * Gustafsson 1991, ACM Trans. Math. Softw. 17(4); Hairer and Wanner 1996, Solving ODEs II, sec. IV.2. */
+static double room_after(const Monolithic *o, double error) {
+  const bool accepted = error <= 1;
+  double room = o->is_explicit ? pow(error, 0.75 * BETA - 0.2) : pow(error, -0.25);
+  if (o->is_explicit && accepted) room *= pow(o->last_error, BETA);
+  return fmin(fmax(0.9 * room, 0.2), accepted ? 4 : 0.8);
+}
+
 /* One step that the error allows, no further than by `most`; its end, or where an event is due within it, in *end. */
 static int make_step(Monolithic *o, Master *m, double most, double *end, bool *event) {
   Stepper *r = &o->stepper;
-  for (;; m->count.rejected++) {
+  for (bool again = false;; m->count.rejected++, again = true) {
     double h = fmin(fmin(o->next_step, LONGEST), most);
     if (h < most && h > most / 2) h = most / 2; /* rather than leaving a crumb */
     if (!(h > SHORTEST / 4)) return trouble(m, "the step size went to zero", r->t);
     const bool is_explicit = o->is_explicit;
     const double error = (is_explicit ? dopri_step : rodas_step)(r, h, m->plan.scheme.tolerance);
-    const double room = fmin(fmax(0.9 * pow(error, is_explicit ? -0.2 : -0.25), 0.2), 4);
+    const double room = fmin(room_after(o, error), again ? 1 : 4); /* none longer right after a rejection */
     if (error <= 1) {
       if (!is_explicit) system_evaluate(o->system, r->t + h, r->y, r->k[AT_END]); /* where the other's last stage is */
+      o->last_error = fmax(error, SMALL);
       o->next_step =
           h < o->next_step ? fmax(o->next_step, h * room) : h * room; /* cut short: nothing against longer ones */
       choose_method(o, h, true);
       break;
     }
-    o->next_step = h * (error < 1e12 ? fmin(room, 0.8) : 0.1);
+    o->next_step = h * (error < 1e12 ? room : 0.1);
     choose_method(o, o->next_step, false);
   }
   m->count.steps++;

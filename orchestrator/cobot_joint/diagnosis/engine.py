@@ -34,7 +34,15 @@ from cobot_joint.diagnosis.selection.elimination import worth_naming
 from cobot_joint.diagnosis.selection.external_loads import look_for_external_loads, look_for_unlogged_load
 from cobot_joint.diagnosis.selection.misreading import Misread, look_for_misreading
 from cobot_joint.diagnosis.selection.mistimed import look_for_mistiming, still_late
-from cobot_joint.diagnosis.selection.outside import Outside, Select, in_place_of, let_go, look_outside, nearly_alone
+from cobot_joint.diagnosis.selection.outside import (
+    Outside,
+    Select,
+    beside_load,
+    in_place_of,
+    let_go,
+    look_outside,
+    nearly_alone,
+)
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.some_recordings import some_of
 from cobot_joint.diagnosis.selection.stepwise import Selector
@@ -337,8 +345,11 @@ def _selected(
         return _term_in_place(problem, listed, loads, beside) or Explanation(
             calibrated, loads.fit, listed, loads.selected, loads
         )
-    alone = partial(nearly_alone, problem, listed, beside.beside, say)
-    if outside := stage("parameters outside their tolerances", alone):
+
+    def parameter() -> Outside | None:
+        return nearly_alone(problem, listed, beside.beside, say) or beside_load(problem, listed, say)
+
+    if outside := stage("parameters outside their tolerances", parameter):
         return _with_formula(problem, calibrated, outside, say)
     if can_follow(campaign, problem.plant) and not given:
         waves = partial(by_recorded_angle, problem, listed, beside, say)

@@ -155,6 +155,25 @@ def nearly_alone(problem: Problem, listed: Selection, select: Select, say: Say) 
     return found
 
 
+def beside_load(problem: Problem, listed: Selection, say: Say) -> Outside | None:
+    """A parameter with which loads take nearly all, which they must to be named, and without it do not: a hand at the
+    brake took 59 % beside an inertia of twice its data sheet's (machine 233/39). None: there is no such parameter."""
+    calibrated, left = listed.history[0], problem.above(listed.fit.residual)
+    loads = any(active.term.episode for active in listed.fit.hypothesis.terms)
+    if not loads or not problem.stands_out(listed.fit.residual):
+        return None
+    say(LETTING_GO)
+    best = leaves_least(problem, listed.fit, thresholds.HOLDS * left, tried=1)
+    enough = (1 - thresholds.LOADS_TAKE) * problem.above(calibrated.residual)
+    gain = _needed(problem, best) if best is not None and problem.above(best.residual) < enough else None
+    worth = _worth(problem, best, listed.selected) if best is not None and gain is not None else []
+    if best is None or gain is None or any(term.gain < problem.evidence for term in worth):
+        return None
+    found = Outside(replace(listed, history=[calibrated, best], selected=worth), gain, ())
+    say(f"{found.name} outside its tolerance takes {share(gain, left)} of what the load leaves")
+    return found
+
+
 def let_go(
     problem: Problem, calibrated: Fit, value: Mapping[str, float], alike: tuple[str, ...], select: Select
 ) -> Outside | None:
@@ -267,9 +286,14 @@ def _needless(problem: Problem, calibrated: Fit, alone: Fit, more: Selection) ->
     if inside is None or _leaves_less(problem, more.fit, inside):
         return None
     inside, kept = kept_beside(problem, inside, more.selected)
-    rests = [without_terms(problem, inside, {s.term}) for s in kept]
-    worth = [Selected(s.term, r.cost - inside.cost) for s, r in zip(kept, rests, strict=True) if r is not None]
+    worth = _worth(problem, inside, kept)
     return replace(more, history=[calibrated, inside], selected=worth) if worth and len(worth) == len(kept) else None
+
+
+def _worth(problem: Problem, fit: Fit, selected: Sequence[Selected]) -> list[Selected]:
+    """Terms, each with what the fit loses without it now; those that it can be simulated without."""
+    rests = [without_terms(problem, fit, {term.term}) for term in selected]
+    return [Selected(s.term, r.cost - fit.cost) for s, r in zip(selected, rests, strict=True) if r is not None]
 
 
 def _leaves_less(problem: Problem, fit: Fit, other: Fit) -> bool:

@@ -12,17 +12,19 @@ from cobot_joint.diagnosis.candidates.load_histories import frozen_meanwhile
 from cobot_joint.diagnosis.candidates.score_test import Scan
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.engine import identify
-from cobot_joint.diagnosis.estimation.effects import LoadPulse
+from cobot_joint.diagnosis.estimation.effects import ActiveTerm, LoadPulse
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis
-from cobot_joint.diagnosis.estimation.least_squares import fit
+from cobot_joint.diagnosis.estimation.least_squares import fit, fit_added
 from cobot_joint.diagnosis.estimation.noise import Noise
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 from cobot_joint.diagnosis.findings import Diagnosis, Finding, LoadHistory
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.repair.verify import acted_on
 from cobot_joint.diagnosis.selection import external_loads
+from cobot_joint.diagnosis.selection.competition import finished
 from cobot_joint.diagnosis.selection.external_loads import look_for_external_loads, look_for_unlogged_load, short_times
+from cobot_joint.diagnosis.selection.outside import beside_load
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.stepwise import Selector
 from cobot_joint.system.read import load_system
@@ -76,6 +78,26 @@ def test_a_hand_beside_a_background_is_named_unless_a_listed_term_promises_half_
         assert found.finding.term == "mr_brake_belt.external_torque"
         assert found.finding.confidence > 0.5
         assert look_for_unlogged_load(problem, base, nothing, silent, lambda fit: 0.6) is None
+
+
+@pytest.mark.parametrize("other", [0.0, 1e-2])
+def test_a_parameter_beside_a_load_is_the_finding_where_together_they_leave_little(other: float) -> None:
+    """A load took 59 % beside a brake's inertia of twice its data sheet's, and 98 % were asked (machine 233/39)."""
+    load = {"mr_brake_belt.external_torque.T": 0.5, "mr_brake_belt.external_torque.t_0": 1.3}
+    added = {"motor_bldc.tau_add": other * np.sin(7 * TIME + 3 * TIME**2)}
+    with calibrated({**load, "motor_bldc.friction.d": 3e-5}, added=added) as (problem, base):
+        term = next(t for t in problem.plant.terms if t.name == "mr_brake_belt.external_torque")
+        about = {**load, **{s.name: s.values[0] for s in term.shapes if s.name not in load}}
+        loaded = fit_added(problem, base, [ActiveTerm(term, about)], finished(1))
+        assert loaded is not None
+        listed = Selection([base, loaded], [Selected(term.name, base.cost - loaded.cost)])
+        found = beside_load(problem, listed, silent)
+        assert (found is None) == (other > 0)
+        if found is not None:
+            assert found.name == "motor_bldc.friction.d"
+            assert found.fit.run.values[found.name] == pytest.approx(3e-5, rel=0.02)
+            assert found.selection.selected[0].gain > problem.evidence
+        assert beside_load(problem, Selection([base]), silent) is None
 
 
 def test_loads_are_not_fitted_to_what_lies_below_the_noise_unless_they_promise_nearly_all_of_it(

@@ -111,7 +111,7 @@ class Selector:
         begins = [_begins(term) for term in best.settled().hypothesis.terms] if self.problem.onsets else []
         self.progress("looking for one term, of any size, in place of those found")
         look = partial(self._alone, base, dict.fromkeys([None, *begins]))
-        one = self.problem.budget.spend("one term instead of others", look)
+        one = self.problem.budget.stage("one term instead of others", look)
         late = one is not None and one.hypothesis.terms[-1].onset is not None
         freer = thresholds.WORTH * self.problem.above(best.residual) if late or len(so_far.selected) == 1 else 0.0
         if one is None or best.cost - one.cost < max(self.problem.evidence, freer):

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pytest
 
 from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.data.campaign_file import Tolerance
+from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.engine import diagnose_plant
 from cobot_joint.diagnosis.estimation.calibrate import calibrate
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
@@ -21,6 +24,7 @@ from cobot_joint.diagnosis.estimation.problem import Problem, one_blas_thread
 from cobot_joint.diagnosis.explanation import beyond_the_list
 from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.plant.correction import Factor, Product
+from cobot_joint.diagnosis.plant.plant import Signals
 from cobot_joint.diagnosis.selection.competition import finished
 from cobot_joint.diagnosis.selection.elimination import kept_beside
 from cobot_joint.diagnosis.selection.outside import (
@@ -71,6 +75,32 @@ def test_a_parameter_that_takes_nearly_all_is_the_answer_before_formulas_are_ask
     assert [f.term for f in found.findings] == ["axis.J"]
     assert found.findings[0].confidence > 0.9
     assert found.repaired["axis.J"].value == pytest.approx(1.6 * NOMINAL["axis.J"], rel=0.02)
+
+
+class TwoBodies(Axis):
+    """The axis and a load on one stiff shaft."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.parameters["load.J"] = replace(self.parameters["axis.J"], name="load.J", nominal=0.4e-3)
+        self.parameters["axis.J"] = replace(self.parameters["axis.J"], nominal=0.6e-3)
+
+    def has(self, name: str, recording: Recording) -> bool:
+        """See Plant.has."""
+        return super().has(name, recording) or name.split(".")[0] == "load"
+
+    def simulate(self, values: Mapping[str, float], recording: Recording, **others: Any) -> Signals:
+        """See Plant.simulate."""
+        own = {"axis.J": 0.6e-3, **values}
+        return super().simulate({**own, "axis.J": own["axis.J"] + own.pop("load.J", 0.4e-3)}, recording, **others)
+
+
+def test_another_parameter_that_would_leave_as_little_is_said_with_it() -> None:
+    """A carriage 40 % too heavy was a rotor of 3.7 times its inertia, 95 %, and could also be nothing else."""
+    case = campaign({"axis.J": 1.6 * NOMINAL["axis.J"]})
+    case = replace(case, tolerances={**case.tolerances, "load.J": Tolerance(relative=0.1)})
+    (found,) = diagnose_plant(case, TwoBodies()).findings
+    assert {found.term, *found.equivalent} == {"axis.J", "load.J"}
 
 
 def test_a_listed_term_beside_it_is_named_as_well() -> None:

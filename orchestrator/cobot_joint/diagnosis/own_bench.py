@@ -100,7 +100,7 @@ def _first_campaign(
     """campaign.toml in the folder. UserError: one is there already, or no column fits."""
     from cobot_joint.diagnosis.data.campaign import connectors_of, system_connectors, systems_of
     from cobot_joint.diagnosis.data.campaign_file import CampaignFile, RecordingEntry
-    from cobot_joint.diagnosis.drafts.campaign_text import Columns, Lacking, campaign_text, guess, left_over
+    from cobot_joint.diagnosis.drafts.campaign_text import Columns, Lacking, campaign_text, guess, left_over, starts
     from cobot_joint.diagnosis.drafts.current_drive import with_commanded_current
     from cobot_joint.system.read import load_system
     from cobot_joint.system.wiring import driving, unwired
@@ -133,7 +133,8 @@ def _first_campaign(
     tolerances = {} if defaults.tolerances else usual_tolerances(file)
     channels = {c.name: c for i in found for c in i.log.channels}
     unusable = {name: why for i in found for name, why in i.log.unusable.items()}
-    drafted = Columns(guesses, wanted, left_over(channels.values(), guesses, offered), unusable)
+    left = left_over(channels.values(), guesses, offered)
+    drafted = Columns(guesses, wanted, left, unusable, starts(own, guesses))
     path.write_text(campaign_text(logs[0].stem, named, files, drafted, tolerances, given), encoding="utf-8")
     return path
 

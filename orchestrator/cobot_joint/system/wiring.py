@@ -239,3 +239,9 @@ def warn_of_unconnected(system: System) -> None:
         return
     for name, value, unit in unconnected(system):
         log.warning("%s: %s is not connected and stays at %g %s", system.path, name, value, unit)
+
+
+def shown_by(system: System) -> dict[str, str]:
+    """Output of the system -> `component.variable` that it shows as it is."""
+    plain = (w for w in system.connections if w.sink_component is None and (w.factor, w.offset) == (1.0, 0.0))
+    return {w.sink: f"{w.source_component}.{w.source}" for w in plain if w.source_component is not None}

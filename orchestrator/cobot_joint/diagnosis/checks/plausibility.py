@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cobot_joint.diagnosis.checks.beside_nominal import beside_nominal
+from cobot_joint.diagnosis.checks.limits import beyond_limits
+from cobot_joint.diagnosis.checks.starts import begin_elsewhere
 from cobot_joint.diagnosis.checks.suspicions import suspicions
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.suspicion import Suspicion
@@ -19,7 +21,7 @@ def plausible(campaign: Campaign) -> list[Suspicion]:
     """What the training recordings say against their channels; kept in `campaign.suspicions`.
 
     UserError: a channel is read wrongly for all that can be seen (factor, sign, swapped); whoever knows better gives
-    the column a scale or a sign in [channels]. Or nothing drives the system.
+    the column a scale or a sign in [channels]. Or a drive's limit holds the simulation, or nothing drives it.
     """
     systems = campaign.systems()
     ratios = {
@@ -32,6 +34,8 @@ def plausible(campaign: Campaign) -> list[Suspicion]:
     found = suspicions(runs)
     with Simulator(systems) as simulate:
         _driven(campaign, simulate)
+        found += begin_elsewhere(runs, simulate, systems)
+        found += beyond_limits(runs, simulate, systems)
         found += beside_nominal(runs, simulate, ratios)
     campaign.suspicions = found
     for suspicion in found:

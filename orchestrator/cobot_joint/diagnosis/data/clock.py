@@ -20,6 +20,7 @@ SLOWEST, LONG = 0.5, 3600.0  # s between samples, and in all, beyond which a log
 JITTER = 1e-3  # steps by which a stamp may miss the regular clock before its samples are interpolated onto it
 MEDIAN = 5  # samples of a running median: one or two in a row are wild, three are motion
 FAR = 20.0  # times the range of all but a hundredth of the samples
+WHOLE = 0.01  # of a turn, by which what jumps by one may miss it
 LEAST = 50  # samples from which on a range is one
 
 
@@ -178,6 +179,23 @@ def without_wild(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], int, str]
     count = "1 sample lies" if len(wild) == 1 else f"{len(wild)} samples lie"
     words = f"{count} far outside, first {x[wild[0]]:.4g} among {low:.4g} to {high:.4g}: taken as not recorded"
     return left, len(wild), words
+
+
+def unwrapped(x: NDArray[np.float64], turn: float) -> tuple[NDArray[np.float64], int]:
+    """An angle that begins anew after every turn, as a single-turn encoder's, going on instead, (n,), and how often it
+    began anew; 0: it stays within no turn, or what jumps is something else."""
+    known = np.flatnonzero(np.isfinite(x))
+    steps = np.diff(x[known])
+    jumps = np.abs(steps) > turn / 2
+    if not jumps.any() or np.ptp(x[known]) > (1 + WHOLE) * turn:
+        return x, 0
+    usual = float(np.quantile(np.abs(steps[~jumps]), 0.999)) if (~jumps).any() else 0.0
+    beyond = np.abs(np.abs(steps[jumps]) - turn)
+    if np.any(beyond > max(3 * usual, WHOLE * turn)):
+        return x, 0
+    on = x.copy()
+    on[known] = np.unwrap(x[known], period=turn)
+    return on, int(jumps.sum())
 
 
 def fill(

@@ -26,6 +26,7 @@ QUIETEST = (
 WIDTHS = (9, 17, 33, 65, 129)  # samples of a smoother's window
 BESIDE = 2  # samples on either side, by which noise may be correlated
 CUBIC = 3
+APART = 0.05  # of what a position goes through, by which it begins elsewhere
 RAIL = 10  # samples in a row at an extreme from which the channel counts as saturated: noise would move them
 
 
@@ -223,3 +224,10 @@ def _left_out(x: NDArray[np.float64], n: int) -> float:
     weights[beside] = np.linalg.pinv(np.vander(at[beside], CUBIC + 1, increasing=True))[0]
     predicted = np.convolve(x, weights[::-1], "valid")
     return float(np.mean((x[n // 2 : n // 2 + len(predicted)] - predicted) ** 2))
+
+
+def begins_apart(x: NDArray[np.float64], there: float) -> float | None:
+    """Where a position begins, if that is elsewhere than there by more than what its way leaves in doubt; else None."""
+    known = x[np.isfinite(x)]
+    apart = len(known) > 0 and abs(known[0] - there) > APART * np.ptp(known)
+    return float(known[0]) if apart else None

@@ -134,6 +134,11 @@ def is_position(unit: str | None) -> bool:
     return dict(_base(_parse(unit, "")).u._units) in ({"radian": 1}, {"meter": 1})
 
 
+def is_angle(unit: str | None) -> bool:
+    """Whether it is an angle's: `deg`, `rad`, `rev`."""
+    return is_position(unit) and dict(_base(_parse(str(unit), "")).u._units) == {"radian": 1}
+
+
 def _spelled(quantity: pint.Quantity) -> str:
     return f"{quantity.u:~C}".replace("**", "").replace("*", ".") or "1"
 

@@ -11,10 +11,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.diagnosis.data.clock import FEWEST, fill, regular_clock, resample, without_wild
+from cobot_joint.diagnosis.data.clock import FEWEST, fill, regular_clock, resample, unwrapped, without_wild
 from cobot_joint.diagnosis.data.delimited import Layout
 from cobot_joint.diagnosis.data.formats import Channel, Log, nearest, read_log
-from cobot_joint.diagnosis.data.quantity import convert, product, split_header
+from cobot_joint.diagnosis.data.quantity import convert, is_angle, product, split_header
 from cobot_joint.errors import UserError, among
 
 Role = Literal["train", "holdout"]
@@ -128,6 +128,7 @@ def read_recording(
         _, header, column = found[name]
         target = connectors[name].unit
         counted = product(target, "s", str(path)) if column.derivative and target else target
+        channel = channel if steady else _going_on(channel, header, column, counted, notes)
         values, units[name] = _in_unit(path, channel, header, column, counted, notes)
         if not steady and not column.believed:
             values, count, words = without_wild(values)
@@ -265,6 +266,19 @@ def _in_unit(
         offset = float(convert(np.ones(1), size, target or unit, f"{where}: offset")[0][0])
         offset = -offset if str(column.offset).strip().startswith("-") else offset
     return (values + offset if offset else values), unit
+
+
+def _going_on(channel: Channel, header: str, column: Column, target: str | None, notes: list[str]) -> Channel:
+    """With the jumps of a single-turn encoder taken out, before any scale: its turn is a whole one there."""
+    unit = channel.unit or split_header(header)[1] or (target if column.scale == 1 else None)
+    if not is_angle(unit):
+        return channel
+    turn = 2 * np.pi / float(convert(np.ones(1), unit, "rad", channel.name)[0][0])
+    values, jumps = unwrapped(channel.values, turn)
+    if not jumps:
+        return channel
+    notes.append(f"{channel.name}: begins anew after a turn, {jumps} times: it goes on instead")
+    return replace(channel, values=values)
 
 
 def _windowed(log: Log, window: tuple[float | None, float | None], late: Mapping[str, float]) -> list[Channel]:

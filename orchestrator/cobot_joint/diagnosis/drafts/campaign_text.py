@@ -9,19 +9,25 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from cobot_joint.diagnosis.data.conditioning import begins_apart
 from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.diagnosis.data.quantity import convert, is_unit
 from cobot_joint.diagnosis.data.recording import Connector
 from cobot_joint.errors import UserError, among
+from cobot_joint.system.model import System
+from cobot_joint.system.wiring import shown_by
 
-COMMAND = "command"
+COMMAND, ACTUAL = "command", "actual"
 ALIKE = 0.5  # of two names, from which one may stand for the other
 # what people call things, in the words that connectors are named with
 WORDS = {
     "cmd": COMMAND, "demand": COMMAND, "goal": COMMAND, "ref": COMMAND, "reference": COMMAND, "set": COMMAND,
-    "setpoint": COMMAND, "soll": COMMAND, "target": COMMAND, "bremse": "brake", "mot": "motor",
-    "speed": "w", "velocity": "w", "drehzahl": "w", "n": "w", "omega": "w", "angle": "phi", "position": "phi",
-    "pos": "phi", "torque": "tau", "moment": "tau", "drehmoment": "tau", "m": "tau", "current": "i", "strom": "i",
+    "setpoint": COMMAND, "soll": COMMAND, "target": COMMAND, "des": COMMAND, "desired": COMMAND,
+    "act": ACTUAL, "fb": ACTUAL, "feedback": ACTUAL, "ist": ACTUAL, "meas": ACTUAL, "measured": ACTUAL,
+    "bremse": "brake", "mot": "motor",
+    "speed": "w", "velocity": "w", "n": "w", "omega": "w", "angle": "phi", "position": "phi",
+    "pos": "phi", "lage": "phi", "positions": "phi", "winkel": "phi", "geschwindigkeit": "w", "geschwindigkeits": "w",
+    "drehzahl": "w", "torque": "tau", "moment": "tau", "drehmoment": "tau", "m": "tau", "current": "i", "strom": "i",
     "voltage": "v", "spannung": "v", "u": "v", "ab": "sensor", "last": "load",
 }  # fmt: skip
 # units at the end of a name, as identifiers have them: `n_rpm`
@@ -30,6 +36,8 @@ SUFFIXES = {
     "deg_s": "deg/s", "degs": "deg/s", "dps": "deg/s", "nm": "N.m", "mnm": "mN.m", "ncm": "N.cm", "mA": "mA",
     "mV": "mV", "mm": "mm", "um": "um", "mm_s": "mm/s",
 }  # fmt: skip
+# in a compound, which German writes in one word: Sollposition, Positionssollwert, Istdrehzahl, Stromistwert
+GERMAN = re.compile(r"(soll|ist)wert|(?:^|(?<=[\W_]))(soll|ist)(?=[a-z])")
 IN_WORDS = re.compile(r"\((?!\d+\))(?P<bracket>[^()]+)\)$|\s(?:in\s|/\s)(?P<word>\S+)$")
 
 
@@ -59,11 +67,17 @@ class Columns:
     lacking: Sequence[Lacking] = ()
     left: Mapping[str, Sequence[str]] = field(default_factory=dict)  # column that is not used -> what it could be
     unusable: Mapping[str, str] = field(default_factory=dict)  # column -> why
+    starts: Mapping[str, str] = field(default_factory=dict)  # `component.variable` -> the connector that shows it
 
 
 def is_command(name: str) -> bool:
     """Whether a column is a set value, by its name: what was asked of the machine, not what it did."""
     return COMMAND in _words(name)
+
+
+def is_actual(name: str) -> bool:
+    """Whether a column is what the machine did, by its name, not what was asked of it."""
+    return ACTUAL in _words(name)
 
 
 def with_named_unit(column: Channel, connectors: Iterable[Connector]) -> Channel:
@@ -90,7 +104,9 @@ def guess(channels: Sequence[Channel], connectors: Mapping[str, Connector], logg
             likeness = _likeness(channel.name, connector.name)
             only = channel.unit is not None and len(fitting) == 1
             if likeness >= ALIKE or only:
-                why = "by its name" if likeness >= ALIKE else "the only one in this unit"
+                others = [c.name for c in channels if c is not channel and c.unit and _fits(c, connector)]
+                by_unit = f"by its unit, as {among(others, 3)} could be" if others else "the only one in this unit"
+                why = "by its name" if likeness >= ALIKE else by_unit
                 why += "" if channel.unit else f"; no unit is given, [{connector.unit or 1}] is taken"
                 why += "; its unit by its name" if named else ""
                 why = "" if channel.name == connector.name and channel.unit else why
@@ -138,6 +154,20 @@ def _motors_own(
     return found
 
 
+def starts(system: System, guesses: Iterable[Guess]) -> dict[str, str]:
+    """`component.state` -> the connector that shows it, of displacements whose log begins elsewhere than at 0. Angles
+    are left out: those of parts that turn together begin together, or their springs are wound up."""
+    shown = shown_by(system)
+    found = {}
+    for g in guesses:
+        name = shown.get(g.connector, "")
+        component, _, variable = name.partition(".")
+        metres = bool(name) and system.component(component).unit.unit_of(variable) == "m"
+        if metres and begins_apart(g.column.values, 0.0) is not None:
+            found[name] = g.connector
+    return found
+
+
 def left_over(
     channels: Iterable[Channel], guesses: Sequence[Guess], offered: Iterable[Connector]
 ) -> dict[str, list[str]]:
@@ -158,9 +188,10 @@ def _header(column: Channel) -> str:
 
 
 def _fits(column: Channel, connector: Connector) -> bool:
-    """By its unit, and what was asked of the machine is not what it did."""
+    """By its unit, and what was asked of the machine is not what it did, nor the other way round."""
     asked = connector.causality == "output" and is_command(column.name)
-    return converts(column.unit, connector.unit) and not asked
+    done = connector.causality == "input" and is_command(connector.name) and is_actual(column.name)
+    return converts(column.unit, connector.unit) and not asked and not done
 
 
 def converts(unit: str | None, target: str | None) -> bool:
@@ -175,9 +206,10 @@ def converts(unit: str | None, target: str | None) -> bool:
 
 
 def _words(name: str) -> list[str]:
-    """`PosCmd_1` -> phi, command"""
-    apart = re.findall(r"[a-z]+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower())
-    return [WORDS.get(word, word) for word in apart]
+    """`PosCmd_1` -> phi, command; `Positionssollwert` -> phi, command"""
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower()
+    apart = GERMAN.sub(lambda found: f" {found[1] or found[2]} ", apart)
+    return [WORDS.get(word, word) for word in re.findall(r"[a-z]+", apart)]
 
 
 def _likeness(column: str, connector: str) -> float:
@@ -195,6 +227,9 @@ def campaign_text(
     """campaign.toml with its guesses marked. tolerances: as TOML, "" for a parameter that is 0. given: further keys of
     recordings."""
     lines = [f"title = {_quoted(title)}", f"system = {_quoted(system)}", "", *_channels(columns)]
+    if columns.starts:
+        lines += ["", "[initial]   # guess: the simulation begins where the log does"]
+        lines += [f'{_quoted(name)} = "first sample of {shown}"' for name, shown in columns.starts.items()]
     if tolerances:
         lines += ["", "[tolerances]   # how far a healthy parameter may be off; guess: the data sheet knows better"]
         lines += [_tolerance(name, tolerance) for name, tolerance in tolerances.items()]

@@ -41,6 +41,7 @@ class Part:
 FRICTION = {"friction.tau_C": "30 %", "friction.d": "30 %"}
 STICKS: Mapping[str, Value] = {"friction.law": 2}  # as real dry friction does
 TURNS: Mapping[str, Value] = {"body.lead": 0.0, **STICKS}  # what it has of a mass hangs on its shaft
+UNLIMITED: Mapping[str, Value] = {"drive.v_max": 0.0, "drive.i_peak": 0.0, "drive.w_max": 0.0}  # none that we know of
 CURRENT_MODE = 2  # of `drive.mode`: i_ref = drive.k_i * set value, fmus/motor_bldc/drive.h
 SHARPEST = 0.02  # of the assumed w_C: dry friction that holds at rest is as good as met there, and not too stiff yet
 BODY = ("body.J", "friction.tau_C", "friction.d")
@@ -56,7 +57,7 @@ PARTS: dict[str, Part] = {
         data_sheet=("winding.R", "winding.L", "winding.k", "rotor.J", "friction.tau_C", "friction.d",
                     "inverter.v_bus", "drive.v_max", "drive.i_peak", "drive.w_max"),
         feeds={"v_command": ("set_value", "set value of the drive")},
-        values=STICKS, shows={"i_motor": ("i", "motor current"), "w_motor": ("w", "motor speed")},
+        values={**UNLIMITED, **STICKS}, shows={"i_motor": ("i", "motor current"), "w_motor": ("w", "motor speed")},
         fits={"winding.R": "5 %", "winding.k": "3 %", "rotor.J": "4 %"} | FRICTION,
     ),
     "motion": Part(

@@ -11,7 +11,7 @@ import pyarrow.parquet
 import pytest
 
 from cobot_joint.diagnosis.checks.suspicions import suspicions
-from cobot_joint.diagnosis.data.clock import regular_clock
+from cobot_joint.diagnosis.data.clock import regular_clock, unwrapped
 from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.diagnosis.data.quantity import convert, split_header
 from cobot_joint.diagnosis.data.recording import Column, Connector, Reading, Recording, read_recording
@@ -90,6 +90,31 @@ def test_a_wild_sample_is_taken_out_and_said_and_an_input_is_bridged_there(tmp_p
     assert out["i"].words.startswith("3 samples lie far outside, first 1e+06 among")
     (said,) = [s for s in suspicions([r]) if s.channel == "w"]
     assert (said.kind, said.wrong) == ("outlier", False)
+
+
+@pytest.mark.parametrize(("unit", "turn", "begin"), [("deg", 360.0, 0.0), ("rad", 2 * np.pi, -np.pi)])
+def test_an_encoder_that_begins_anew_after_a_turn_goes_on_instead(
+    tmp_path: Path, unit: str, turn: float, begin: float
+) -> None:
+    """Its jumps had been 20,000 times the noise that a simulation missed the angle by."""
+    time = np.arange(0, 4, 1e-3)
+    phi = 25 * np.sin(2 * time)  # rad
+    column = np.mod(phi * turn / (2 * np.pi) - begin, turn) + begin
+    rows = np.column_stack([time, time, column])
+    np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header=f"t [s],u [V],phi [{unit}]", comments="")
+    connectors = {"u": Connector("u", "input", "V"), "phi": Connector("phi", "output", "rad")}
+    recording = read_recording(tmp_path / "run.csv", connectors, {"u": "u", "phi": "phi"})
+    assert recording.outputs["phi"] - recording.outputs["phi"][0] == pytest.approx(phi - phi[0], abs=1e-9)
+    assert any("begins anew after a turn" in note for note in recording.notes)
+
+
+def test_an_angle_with_jumps_of_its_own_or_of_more_than_a_turn_is_left_as_it_is() -> None:
+    time = np.arange(0, 4, 1e-3)
+    sawtooth = 200 * np.mod(time, 1.0)  # deg: falls by less than a turn
+    for x in (300 * np.sin(time), sawtooth, np.where(time > 2, 250.0, 0.0)):
+        left, jumps = unwrapped(x, 360.0)
+        assert jumps == 0
+        assert left is x
 
 
 def test_a_pulse_of_three_samples_is_no_wild_sample(tmp_path: Path) -> None:

@@ -1,0 +1,36 @@
+"""A drive's limit that the machine goes beyond is said before anything is fitted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cobot_joint.diagnosis.checks.limits import beyond_limits
+from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.system.read import load_system
+
+TIME = np.arange(0, 4, 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("reached", "held", "own", "said"),
+    [
+        pytest.param(1000.0, 640.0, None, True, id="held"),
+        pytest.param(1000.0, 1000.0, 0.0, False, id="no limit"),
+        pytest.param(640.0, 640.0, None, False, id="both held"),
+        pytest.param(1000.0, 300.0, None, False, id="slow for another reason"),
+    ],
+)
+def test_a_limit_that_holds_the_simulation_alone_is_said(
+    reached: float, held: float, own: float | None, said: bool
+) -> None:
+    """A 48 V motor was held at the 628 rad/s of the bench's drive, which its data sheet left as it was."""
+    rise = np.minimum(TIME, 1.0)
+    initial = {} if own is None else {"motor_bldc.drive.w_max": own}
+    r = Recording("a", "train", "joint", TIME, {}, {"w_motor": reached * rise}, {"w_motor": "rad/s"}, initial=initial)
+    system = load_system("joint")
+    found = list(beyond_limits([r, r], lambda r: {"w_motor": held * rise}, {"joint": system}))
+    assert [s.kind for s in found] == ["limit"] * said
+    if said:
+        assert found[0].wrong
+        assert "motor_bldc.drive.w_max = 628.3 holds the simulation" in found[0].evidence

@@ -272,8 +272,8 @@ def _skews(lags: Mapping[str, Sequence[tuple[str, float]]], runs: Mapping[str, i
             continue
         tau = float(np.median(delays))
         evidence = (
-            f"it comes {1e3 * abs(tau):.2g} ms {'after' if tau > 0 else 'before'} the nominal system in every run: "
-            f"late time stamps, a filter, or a lag of the machine; correct stamps with late in [[recording]]"
+            f"it comes {1e3 * abs(tau):.2g} ms {'after' if tau > 0 else 'before'} the nominal system in every run: a "
+            f"value of the data sheet, a lag of the machine, or late stamps; the answer says if it is the stamps"
         )
         yield Suspicion(", ".join(run for run, _ in seen), name, "late", evidence)
 

@@ -144,7 +144,9 @@ def _name_apart(folder: Path, recordings: Sequence[Recording]) -> None:
     """Each recording by a name of its own, which results go by: day1/run.csv and day2/run.csv, a.csv and a.parquet."""
     taken = Counter(r.name for r in recordings)
     for r in recordings:
-        if taken[r.name] > 1 and r.path:
+        if taken[r.name] > 1 and r.scatter:  # of many files, none of which it is
+            r.name += ", held out" if r.role == "holdout" else ", training"
+        elif taken[r.name] > 1 and r.path:
             window = r.name.removeprefix(r.path.stem)
             r.name = os.path.relpath(r.path, folder).replace(os.sep, "/") + window
     seen: Counter[str] = Counter()

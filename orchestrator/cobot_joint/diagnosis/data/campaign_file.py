@@ -7,10 +7,13 @@ import re
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from cobot_joint.diagnosis.data.delimited import Layout
-from cobot_joint.diagnosis.data.recording import Column, Reading, Role
+from cobot_joint.diagnosis.data.parameters import QUANTITY
+from cobot_joint.diagnosis.data.quantity import convert, is_unit
+from cobot_joint.diagnosis.data.recording import FIRST, Column, Reading, Role
 
 
 @dataclass(frozen=True)
@@ -56,8 +59,19 @@ class Logged(_Model):
     setups: list[str] | None = None  # where it exists; None: in all
 
 
-# "first sample", of the channel of the same name; "first sample of phi * 66", of another, times or over a number
-First = Annotated[str, Field(pattern=r"^first sample( of .+?)?(\s*[*/]\s*[-+.\deE]+)?$")]
+def _start(value: Any) -> Any:
+    """A number; "22.5 deg", in the units that all variables have; "first sample", of the channel of the same name, or
+    "first sample of phi * 66", of another, times or over a number."""
+    if not isinstance(value, str) or FIRST.fullmatch(value):
+        return value
+    quantity = QUANTITY.fullmatch(value)
+    if quantity is None or not quantity[2] or not is_unit(quantity[2]):
+        allowed = "a number, a quantity ('22.5 deg') or 'first sample of CHANNEL' is allowed"
+        raise ValueError(f"{value!r} is given, {allowed}")
+    return float(convert(np.array([float(quantity[1])]), quantity[2], None, value)[0][0])
+
+
+Start = Annotated[float | str, BeforeValidator(_start)]
 Scale = Annotated[float, Field(allow_inf_nan=False)] | str  # a number, or a quantity: "9.84 mN.m"
 
 
@@ -89,7 +103,7 @@ class RecordingEntry(_Model):
     file: str | Annotated[list[str], Field(min_length=1)]
     setup: str | None = None
     role: Role = "train"
-    initial: dict[str, float | First] = Field(default_factory=dict)
+    initial: dict[str, Start] = Field(default_factory=dict)
     parameters: Values = Field(default_factory=dict)  # of the system in this run: a gain that was changed between runs
     time: str | None = None  # the clock's column, where it has an unusual name
     begin: float | None = None  # s on the file's clock: what lies before is left out
@@ -148,7 +162,7 @@ class CampaignFile(_Model):
     setups: dict[str, str] = Field(default_factory=dict)  # set-up -> its .ssd or .ssp
     parameters: Values = Field(default_factory=dict)  # nominal values of this machine, in place of the system's
     channels: dict[str, str | ColumnEntry] = Field(default_factory=dict)  # column -> connector
-    initial: dict[str, float | First] = Field(default_factory=dict)  # of every recording that says nothing else
+    initial: dict[str, Start] = Field(default_factory=dict)  # of every recording that says nothing else
     tolerances: dict[str, Annotated[Tolerance, BeforeValidator(_tolerance)]] = Field(default_factory=dict)
     logged: dict[str, Logged] = Field(default_factory=dict)
     terms: list[str] = Field(

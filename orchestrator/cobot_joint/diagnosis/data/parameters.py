@@ -19,6 +19,7 @@ from cobot_joint.units import Unit
 IMPOSED = "w_imposed"  # input of a unit whose motion is recorded
 STILL = 0.01  # of the largest speed in a recording, up to which it begins at rest
 QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*")  # "9 uN.m.s/rad"
+COMMA = re.compile(r"\s*[-+]?\d+,\d")
 
 
 def with_values(systems: Mapping[str, System], values: Mapping[str, Value | str], where: str) -> dict[str, System]:
@@ -57,6 +58,8 @@ def parameter(unit: Unit, name: str, given: Value | str, where: str) -> Value:
         raise UserError(
             f"{where}: {variable.causality} of {unit.path.name}; a start value belongs to a recording's initial"
         )
+    if isinstance(given, str) and COMMA.match(given):
+        raise UserError(f"{where}: {given!r} is given, a decimal point is needed: {given.replace(',', '.', 1)!r}")
     match = QUANTITY.fullmatch(given) if isinstance(given, str) else None
     if variable is not None and match and match[2]:
         measure = unit.unit_of(name) or "1"

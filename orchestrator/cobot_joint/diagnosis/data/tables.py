@@ -54,9 +54,18 @@ def read_table(
         outputs={name: _at_the_ends(rows[name], len(time)) for name in outputs},
         scatter={name: _noise(runs, reading.table, [rows[n] for n in inputs], rows[name], name) for name in outputs},
         units={name: unit for r in runs for name, unit in r.units.items()},
-        notes=list(dict.fromkeys(note for r in runs for note in r.notes)),
+        notes=_notes(runs),
         path=files[0],
     )
+
+
+def _notes(runs: Sequence[Recording]) -> list[str]:
+    """What holds of every file once, anything else with the names of its files."""
+    whose: dict[str, list[str]] = {}
+    for r in runs:
+        for note in dict.fromkeys(r.notes):
+            whose.setdefault(note, []).append(r.path.name if r.path else r.name)
+    return [note if len(of) == len(runs) else f"{among(of, 3)}: {note}" for note, of in whose.items()]
 
 
 def _rows(r: Recording, name: str, kind: str | None) -> Vector:

@@ -12,6 +12,8 @@ from typing import Any, Literal
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.results.diagnosed import VARIANTS
 
+NOTICED = 1.1  # times what a channel erred by, from which on more is said
+
 Channels = Mapping[str, Mapping[str, Any]]  # as diagnosis.json has them
 
 
@@ -95,6 +97,20 @@ def removed(channels: Channels) -> tuple[float, str] | None:
             share = 1 - error["repaired"] / before
             return (share, role) if share > 0 else None
     return None
+
+
+def worsened(channels: Channels, role: str) -> list[tuple[str, float]]:
+    """Channels that the repaired system misses by more than the better of nominal and calibrated, and how many times as
+    much: what it removes of the error is of all channels together."""
+    predicted, found = horizon(channels, role), []
+    for name, c in channels.items():
+        figures = (c[role]["predicted"] if predicted else c[role]) if role in c else None
+        if figures is None or any(figures[v] is None or not math.isfinite(figures[v]) for v in VARIANTS):
+            continue
+        before, noise = min(figures["nominal"], figures["calibrated"]), c["noise"] or 0.0
+        if before > 0 and figures["repaired"] > NOTICED * max(before, noise):
+            found.append((name, figures["repaired"] / before))
+    return found
 
 
 def calibration_misleads(channels: Channels) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cobot_joint.diagnosis import thresholds
-from cobot_joint.diagnosis.repair.gate import fails, horizon, removed
+from cobot_joint.diagnosis.repair.gate import fails, horizon, removed, worsened
 from cobot_joint.diagnosis.report.localization_words import listed
 from cobot_joint.diagnosis.report.words import load_history, misread
 from cobot_joint.diagnosis.selection.confidence import COUNTED_BESIDE, counted
@@ -124,7 +124,9 @@ def improvement(d: Json) -> tuple[float, str] | None:
         return None
     over = horizon(d["channels"], found[1])
     runs = {"holdout": ", in runs that it has not seen", "train": ""}[found[1]]
-    return found[0], f"{f' of predictions over {over:g} s' if over else ''}{runs}"
+    worse = [f"{name} errs {number(times, 2)} times as much" for name, times in worsened(d["channels"], found[1])]
+    but = f", though {' and '.join(worse)}" if worse else ""
+    return found[0], f"{f' of predictions over {over:g} s' if over else ''}{runs}{but}"
 
 
 def how_large(f: Json, terms: Mapping[str, TermText]) -> list[str]:
@@ -148,13 +150,19 @@ def how_large(f: Json, terms: Mapping[str, TermText]) -> list[str]:
 
 
 def _interval(p: Json) -> str:
+    """Of a parameter, in brackets; "": it has none."""
+    said = interval(p)
+    return f" ({said})" if said else ""
+
+
+def interval(p: Json) -> str:
     """Of a parameter in words; one that is many times as wide as the value says that nothing is known of it."""
     if not p.get("ci95") or None in p["ci95"]:
         return ""
     low, high = p["ci95"]
     if high - low > UNKNOWN * abs(p["value"]) > 0:
-        return " (not determined by these recordings)"
-    return " ({} to {})".format(*interval_of(low, high))
+        return "not determined by these recordings"
+    return "{} to {}".format(*interval_of(low, high))
 
 
 def errors(d: Json, units: Mapping[str, str]) -> list[str]:
@@ -263,7 +271,9 @@ def number(x: float | None, digits: int = 3) -> str:
 
 
 def percent(x: float | None) -> str:
-    """0.98 -> 98 %; never 100 % for less than all."""
+    """0.98 -> 98 %; never 100 % for less than all, nor 50 % for less than even."""
     if x is None:
         return "–"
+    if thresholds.EVEN - 0.005 <= x < thresholds.EVEN:
+        return f"{100 * min(x, thresholds.EVEN - 1e-3):.1f} %"
     return f"{100 * x:.0f} %" if x <= 0.99 or x >= 1 else f"{100 * min(x, 0.999):.1f} %"

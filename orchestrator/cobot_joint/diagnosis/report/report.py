@@ -18,7 +18,7 @@ from cobot_joint.diagnosis.data.conditioning import ChannelQuality
 from cobot_joint.diagnosis.repair.compare import Comparison
 from cobot_joint.diagnosis.report import explained, headline, overlays, pictures
 from cobot_joint.diagnosis.report.chain import chain_of, marked
-from cobot_joint.diagnosis.report.headline import TermText, number, percent, pretty_unit
+from cobot_joint.diagnosis.report.headline import TermText, interval, number, percent, pretty_unit
 from cobot_joint.diagnosis.report.localization_pictures import located_pictures
 from cobot_joint.diagnosis.report.pictures import Picture
 from cobot_joint.diagnosis.report.words import pulses
@@ -61,7 +61,7 @@ def render(data: ReportData) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": number, "percent": percent, "unit": pretty_unit}
+    environment.filters |= {"number": number, "percent": percent, "unit": pretty_unit, "interval": interval}
     d = data.diagnosis
     noise = {name: c["noise"] or 0.0 for name, c in d["channels"].items()}
     first = overlays.held_out_first(data.compared, noise)

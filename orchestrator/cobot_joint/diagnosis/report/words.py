@@ -152,7 +152,7 @@ def _advice(a: Json) -> str:
         units = [t.split(".")[0] for t in a["terms"]]
         name = a["terms"][0].split(".")[1]
         shared = f"{name}: {' and '.join(units)} share a shaft that the channels see as one"
-        return f"{shared}; run {a['uncouple']} uncoupled, with the same voltage, and compare."
+        return f"{shared}; run {a['uncouple']} uncoupled, driven as before, and compare."
     pair, what = " or ".join(a["terms"]), f"{a['experiment']}"
     none = f"{pair}: no experiment with these channels separates them"
     if a["chi2"] < thresholds.SEPARATES:
@@ -181,6 +181,12 @@ def notes(content: Json) -> list[str]:
         f"{name} is one value while these loads act, and moves before: an input that froze in the log looks like this"
         for f in content["findings"]
         if (name := f.get("load_history", {}).get("frozen"))
+    ]
+    said += [
+        f"{f['component']}: a torque that repeats once per turn may be a weight or an imbalance that turns with it: "
+        "slots and magnets repeat more often"
+        for f in content["findings"]
+        if f["term"].endswith(".cogging") and f["parameters"].get("n", {}).get("value") == 1
     ]
     said += [
         f"{f['recording']}: the {f['variant']} system cannot be simulated ({f['why']})"

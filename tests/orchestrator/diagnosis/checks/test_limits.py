@@ -1,4 +1,4 @@
-"""A drive's limit that the machine goes beyond is said before anything is fitted."""
+"""A drive's limit that holds the simulation alone, and a start elsewhere, are said before anything is fitted."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from cobot_joint.diagnosis.checks.limits import beyond_limits
+from cobot_joint.diagnosis.checks.starts import begin_elsewhere
 from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.drafts.chain import chain
 from cobot_joint.system.read import load_system
 
 TIME = np.arange(0, 4, 1e-3)
@@ -34,3 +36,24 @@ def test_a_limit_that_holds_the_simulation_alone_is_said(
     if said:
         assert found[0].wrong
         assert "motor_bldc.drive.w_max = 628.3 holds the simulation" in found[0].evidence
+
+
+@pytest.mark.parametrize(
+    ("begins", "initial", "said"),
+    [
+        pytest.param(0.1, {}, True, id="elsewhere"),
+        pytest.param(0.1, {"screw.s": 0.1}, False, id="given"),
+        pytest.param(0.1, {"s": 0.1}, False, id="given by its connector"),
+        pytest.param(0.01, {}, False, id="there"),
+    ],
+)
+def test_a_position_that_begins_elsewhere_is_said_with_what_sets_it(
+    begins: float, initial: dict[str, float], said: bool
+) -> None:
+    made = chain(["motor", "screw"]).system
+    r = Recording("a", "train", "axis", TIME, {}, {"s": begins + 0.1 * TIME}, {"s": "m"}, initial=initial)
+    found = list(begin_elsewhere([r, r], lambda r: {"s": np.zeros(len(r.time))}, {"axis": made}))
+    assert [s.kind for s in found] == ["start"] * said
+    if said:
+        assert '[initial] "screw.s" = "first sample of s"' in found[0].evidence
+        assert not found[0].wrong

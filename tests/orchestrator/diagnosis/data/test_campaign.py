@@ -233,6 +233,17 @@ def test_start_values_of_all_recordings_may_stand_at_the_top_and_have_a_factor(t
     assert r.initial == {"axis.s": pytest.approx(1e-3)}
 
 
+def test_a_start_value_may_have_a_unit_and_what_is_none_is_refused_with_what_may_stand(
+    tmp_path: Path, axis: Path
+) -> None:
+    own = 'initial = { "axis.s" = "first sample" }'
+    (r,) = load_campaign(write(tmp_path, AXIS.replace(own, 'initial = { "axis.s" = "2.5 mm" }'))).recordings
+    assert r.initial == {"axis.s": pytest.approx(2.5e-3)}
+    allowed = r"'2,5 mm' is given, a number, a quantity \('22.5 deg'\) or 'first sample of CHANNEL' is allowed"
+    with pytest.raises(UserError, match=allowed):
+        load_campaign(write(tmp_path, AXIS.replace(own, 'initial = { "axis.s" = "2,5 mm" }')))
+
+
 def test_a_force_that_nothing_gives_is_warned_of_before_anything_is_read(
     tmp_path: Path, axis: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

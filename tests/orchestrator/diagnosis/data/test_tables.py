@@ -66,6 +66,22 @@ def test_a_file_per_speed_is_a_row_of_its_means(tmp_path: Path) -> None:
     assert condition(loaded.recordings)["tau"].noise == pytest.approx(9.84e-5 / np.sqrt(200), rel=0.5)
 
 
+def test_tables_of_one_folder_are_told_apart_by_what_they_are_for_and_notes_have_their_files(tmp_path: Path) -> None:
+    """They were both called `../tab/v00.csvtab`, and every note was the first file's."""
+    for k, n in enumerate(SPEEDS[:12]):
+        t = np.delete(np.arange(200) * 0.05, slice(50, 60) if k == 3 else slice(0))
+        lines = [f"{a},{n},{law(np.array([n]))[0]}" for a in t]
+        (tmp_path / f"{k:02}.csv").write_text("time,n,M\n" + "\n".join(lines))
+    held = '\n[[recording]]\nfile = ["08.csv", "09.csv", "10.csv", "11.csv"]\ntable = "mean"\nrole = "holdout"\n'
+    path = campaign(tmp_path, '"*.csv"', "mean")
+    path.write_text(path.read_text() + held)
+    training, other = load_campaign(path).recordings
+    assert [training.name, other.name] == [f"{tmp_path.name}, training", f"{tmp_path.name}, held out"]
+    gaps = [note for note in training.notes if "not recorded" in note]
+    assert gaps, training.notes
+    assert all(note.startswith("03.csv: ") for note in gaps)
+
+
 def test_the_scatter_is_that_of_the_rows_and_not_of_the_law() -> None:
     rng = np.random.default_rng(2)
     x = np.sort(rng.uniform(-20, 20, 400))

@@ -63,12 +63,53 @@ def test_a_shaft_whose_stiffness_is_given_is_not_said_to_be_assumed(
     assert ("that stiffness is assumed" in " ".join(done.stdout.split())) == assumed
 
 
-@pytest.mark.parametrize("name", ["PosCmd", "phi_soll", "pos_ref"])
+@pytest.mark.parametrize(
+    "name", ["PosCmd", "phi_soll", "pos_ref", "Positionssollwert", "Sollposition", "Lagesollwert", "q_des"]
+)
 def test_a_set_value_is_not_taken_for_what_the_machine_did(name: str) -> None:
     """The position that a loop was told to reach, the only column in mm beside its voltage, became the measured one."""
     column, none = Channel(name, "rad", np.zeros(0), np.zeros(0)), Connector("phi", "output", "rad")
     assert guess([column], {"phi": none}) == []
     assert [g.connector for g in guess([replace(column, name="PosAct")], {"phi": none})] == ["phi"]
+
+
+@pytest.mark.parametrize("name", ["Istposition", "Lageistwert", "pos_act", "phi_measured"])
+def test_what_the_machine_did_is_not_taken_for_a_set_value(name: str) -> None:
+    column, asked = Channel(name, "rad", np.zeros(0), np.zeros(0)), Connector("phi_command", "input", "rad")
+    assert guess([column], {"phi_command": asked}) == []
+    assert [g.connector for g in guess([replace(column, name="phi_soll")], {"phi_command": asked})] == ["phi_command"]
+
+
+def test_a_column_that_others_could_stand_for_is_not_called_the_only_one() -> None:
+    columns = [Channel(name, "rad", np.zeros(0), np.zeros(0)) for name in ("a", "b")]
+    (found,) = guess(columns, {"load": Connector("load", "output", "rad")})
+    assert found.why == f"by its unit, as {'b' if found.column.name == 'a' else 'a'} could be"
+
+
+@pytest.mark.parametrize(("begins", "said"), [(100.0, True), (0.0, False)])
+def test_a_displacement_that_begins_elsewhere_begins_there_in_a_draft(
+    tmp_path: Path, cobot_joint: Callable[..., Done], begins: float, said: bool
+) -> None:
+    """Friction near one end of a carriage's way was not found: the simulation began at another place."""
+    time = np.arange(0, 2, 2e-3)
+    rows = np.column_stack([time, np.ones_like(time), begins + 50 * time**2])
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header="t [s],u [V],s [mm]", comments="")
+    assert cobot_joint("new", "--chain", "motor,screw", "--out", "axis").returncode == 0
+    done = cobot_joint("inspect", "log.csv", "--system", "axis/system.ssd", "--out", "first")
+    assert done.returncode == 0, done.stderr
+    assert ('"screw.s" = "first sample of s"' in (tmp_path / "first/campaign.toml").read_text()) == said
+
+
+def test_a_motor_has_no_limits_that_nobody_gave(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:
+    assert cobot_joint("new", "--chain", "motor,load", "--set", "motor.w_max=500", "--out", "axis").returncode == 0
+    values = load_system(str(tmp_path / "axis/system.ssd")).component("motor").parameters
+    assert [values[f"drive.{name}"] for name in ("v_max", "i_peak", "w_max")] == [0.0, 0.0, 500.0]
+
+
+def test_a_decimal_comma_in_a_value_is_said_to_be_one(cobot_joint: Callable[..., Done]) -> None:
+    done = cobot_joint("new", "--chain", "motor", "--set", "motor.R=0,4 Ohm", "--out", "motor")
+    assert done.returncode == 2
+    assert "'0,4 Ohm' is given, a decimal point is needed: '0.4 Ohm'" in " ".join(done.stderr.split())
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding
-from cobot_joint.diagnosis.repair.gate import calibration_misleads, judged, removed
+from cobot_joint.diagnosis.repair.gate import calibration_misleads, judged, removed, worsened
 from cobot_joint.diagnosis.report.headline import verdict_sentence
 from cobot_joint.diagnosis.report.words import notes
 from cobot_joint.diagnosis.run import judge
@@ -64,6 +64,19 @@ def test_a_repair_of_what_cannot_be_simulated_without_it_is_offered_without_a_pe
     figures["w"]["holdout"] |= {"nominal": None, "calibrated": None}
     assert judged(figures) == "offered"
     assert removed(figures) is None
+
+
+@pytest.mark.parametrize(("speed", "said"), [(2.0, True), (0.6, False)])
+def test_a_channel_that_errs_more_with_the_repair_is_said_beside_what_it_removes_in_all(
+    speed: float, said: bool
+) -> None:
+    """ "Removes 59 % of the error" was said of a current, while the speed erred twice as much."""
+    figures = {"i": channels(50.0, 40.0, 10.0)["w"], "w": channels(1.5, 1.0, speed)["w"]}
+    figures["w"]["noise"] = 0.1
+    found = Diagnosis("explained", [Finding("a.b", [], 0.9, None, {}, WHERE, 50.0)], {}, {})
+    sentence = verdict_sentence(found.to_json() | {"channels": figures}, {})
+    assert (", in runs that it has not seen, though w errs 2 times as much" in sentence) == said
+    assert worsened(figures, "holdout") == ([("w", 2.0)] if said else [])
 
 
 def test_anchored_predictions_decide_where_there_are_some() -> None:

@@ -24,7 +24,7 @@ from cobot_joint.diagnosis.report.headline import NOT_COUNTED, TermText, how_lar
 from cobot_joint.diagnosis.report.overlays import LEVELS, binned, over_signals
 from cobot_joint.diagnosis.report.pictures import of_panels
 from cobot_joint.diagnosis.report.report import ReportData, render, write_report
-from cobot_joint.diagnosis.report.words import remedy
+from cobot_joint.diagnosis.report.words import notes, remedy
 from cobot_joint.diagnosis.selection.confidence import COUNTED, COUNTED_BESIDE, COUNTED_TERMS
 from cobot_joint.mathml import typeset
 from cobot_joint.results.figures import COLOUR, Curve, Panel
@@ -381,6 +381,7 @@ def test_numbers_read_as_people_write_them() -> None:
     assert number(-0.5) == "−0.5"
     assert number(None) == "–"
     assert percent(0.9996) == "99.9 %"
+    assert percent(0.499) == "49.9 %"  # "no effect reaches 50 %; the closest is ... (50 % sure)"
     assert percent(1.0) == "100 %"
 
 
@@ -397,3 +398,14 @@ def test_a_channel_without_noise_is_reported() -> None:
 def test_an_interval_that_says_nothing_is_not_spelled_out(ci95: list[float], said: str) -> None:
     finding = {"term": "a.b", "parameters": {"tau_S": {"value": 2.1e-3, "unit": "N.m", "ci95": ci95}}}
     assert how_large(finding, {}) == [f"tau_S: 0.0021 N.m ({said})"]
+    given = data("explained", [FINDING | {"parameters": {"tau_S": {"value": 2.1e-3, "unit": "N.m", "ci95": ci95}}}])
+    assert f"(95 %: {said})" in words(render(given))
+
+
+@pytest.mark.parametrize(("n", "said"), [(1.0, True), (6.0, False)])
+def test_cogging_once_per_turn_is_said_to_be_perhaps_a_weight(n: float, said: bool) -> None:
+    """A load out of balance was cogging of one slot, 65 %, and could also be nothing else."""
+    of_waves = {"n": {"value": n, "unit": "1"}}
+    given = data("explained", [FINDING | {"term": "motor_bldc.cogging", "parameters": of_waves}])
+    content = given.diagnosis | {"structure": {}, "repair": "offered"}
+    assert any("a weight or an imbalance" in note for note in notes(content)) == said

@@ -109,7 +109,7 @@ class Dictionary:
                     twins[self.speeds[angle]] = other.speeds[twin]
         if any(s not in twins for form in forms for s in form.signals):
             return {}
-        return other._values([form.renamed(twins) for form in forms])
+        return other.values([form.renamed(twins) for form in forms])
 
     def travel(self, angle: str) -> float:
         """The largest in any run, rad; never 0."""
@@ -147,13 +147,13 @@ class Dictionary:
 
     def first(self) -> dict[Product, Feature]:
         """The few that tell where the residual points."""
-        return self._values([*self._first(), *self._waves([*self.low, *self.waves[:FEW]])])
+        return self.values([*self._first(), *self._waves([*self.low, *self.waves[:FEW]])])
 
     def more(self) -> dict[Product, Feature]:
         """The rest."""
-        return self._values([*self._more(), *self._waves(self.waves[FEW:MORE])])
+        return self.values([*self._more(), *self._waves(self.waves[FEW:MORE])])
 
-    def _values(self, products: Sequence[Product]) -> dict[Product, Feature]:
+    def values(self, products: Sequence[Product]) -> dict[Product, Feature]:
         """Those that are not 0 everywhere."""
         found = {p: {name: p.of(k.signals, k.time) for name, k in self.locals.items()} for p in products}
         return {p: values for p, values in found.items() if any(np.any(v != 0) for v in values.values())}

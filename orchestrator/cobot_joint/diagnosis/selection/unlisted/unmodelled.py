@@ -31,7 +31,7 @@ from cobot_joint.diagnosis.selection.confidence import beside_background, confid
 from cobot_joint.diagnosis.selection.elimination import kept_beside, without
 from cobot_joint.diagnosis.selection.selection import Selected
 from cobot_joint.diagnosis.selection.stepwise import share
-from cobot_joint.diagnosis.selection.unlisted.formula import forward
+from cobot_joint.diagnosis.selection.unlisted.formula import forward, joined
 from cobot_joint.diagnosis.selection.unlisted.late_onset import look_late
 from cobot_joint.diagnosis.selection.unlisted.remains import remains
 
@@ -105,8 +105,7 @@ class Unmodelled:
 
 @dataclass
 class Place:
-    """A port: chi-square that its first forms take together, base parameters in their tolerances, and the best formula
-    there."""
+    """A port: chi-square that its first forms take, base parameters in their tolerances, and the best formula there."""
 
     port: Port
     dictionary: Dictionary
@@ -164,14 +163,14 @@ def look_at_ports(
         for place in near:
             place.look_closer(problem, start, found)
         closer = _best(problem, start, places, answer)
-        if closer is None or (found is not None and closer.finding.gain < found.finding.gain):
+        gain = found.finding.gain if found is not None else 0.0
+        if closer is None or closer.finding.gain < gain:
             break
-        little = found is not None and closer.finding.gain - found.finding.gain < thresholds.LEAST * problem.above(
-            found.fit.residual
-        )
+        little = found and closer.finding.gain - gain < thresholds.LEAST * problem.above(found.fit.residual)
         found = closer
         if little or not problem.stands_out(found.fit.residual):
             break
+    found = _simpler(problem, start, near, answer, found)
     enough = thresholds.ALONE if least else thresholds.ENOUGH  # a background is followed from any onset on
     if problem.onsets and (found is None or found.taken < enough):
         say("forms that set in later")
@@ -226,6 +225,20 @@ def _best(problem: Problem, start: Fit, places: Sequence[Place], answer: Answer)
         choice = _elsewhere(problem, start, chosen[0][2], port)
         best = _less(best, answer(choice)) if choice else best
     return best
+
+
+def _simpler(
+    problem: Problem, start: Fit, near: Sequence[Place], answer: Answer, found: Unmodelled | None
+) -> Unmodelled | None:
+    """With two features of one form as one, where that leaves as little."""
+    forms = [f.form for f in found.finding.shape.features] if found and found.finding.shape else []
+    place = next((p for p in near if p.choice and forms and [c.form for c in p.choice.columns] == forms), None)
+    if found is None or place is None or place.choice is None:
+        return found
+    choice = joined(problem, place.at or start, place.dictionary, place.choice)
+    one = answer(choice, at=place.at) if choice is not None else None
+    slack = thresholds.ALIKE + thresholds.ALIKE_SHARE * max(problem.excess(found.fit.residual), 0.0)
+    return one if one is not None and one.fit.cost < found.fit.cost + slack else found
 
 
 def _less(a: Unmodelled | None, b: Unmodelled | None) -> Unmodelled | None:

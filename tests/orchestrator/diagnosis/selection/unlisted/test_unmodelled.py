@@ -19,7 +19,7 @@ from cobot_joint.diagnosis.data.campaign import Campaign, load_campaign
 from cobot_joint.diagnosis.engine import diagnose_plant, identify
 from cobot_joint.diagnosis.estimation.calibrate import calibrate
 from cobot_joint.diagnosis.estimation.fit import Fit
-from cobot_joint.diagnosis.estimation.port_response import Column, respond
+from cobot_joint.diagnosis.estimation.port_response import Choice, Column, respond
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector, one_blas_thread
 from cobot_joint.diagnosis.estimation.projection import Projection
 from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
@@ -29,6 +29,7 @@ from cobot_joint.diagnosis.plant.plant import Port
 from cobot_joint.diagnosis.repair.repair import repair
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.unlisted import held_against, unmodelled
+from cobot_joint.diagnosis.selection.unlisted.formula import joined
 from cobot_joint.diagnosis.selection.unlisted.held_against import look_beside, look_for_unmodelled
 from cobot_joint.diagnosis.selection.unlisted.remains import remains
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled, look_at_ports
@@ -379,3 +380,22 @@ def test_two_terms_one_of_which_ends_at_its_bound_are_held_against_a_formula() -
     assert (finding.term, finding.equivalent) == ("motor_bldc.unlisted", ("planetary_gear.unlisted",))
     assert finding.shape is not None
     assert "eddy(w/" in finding.shape.formula
+
+
+@pytest.mark.parametrize("function", ["eddy", "exp"])
+def test_two_features_of_one_form_whose_scale_lies_between_theirs_are_one_with_that(function: str) -> None:
+    """Eddy currents of 141 rad/s (proof/sealed case18) were two of 100 and 200, and lost to a data sheet for it."""
+    w_0 = 12.7
+    case = concealed(lambda w, phi: -0.1 * (w / w_0) / (1 + (w / w_0) ** 2))
+    with one_blas_thread():
+        problem, base = calibrate(case, Axis(), lambda words: None, Store(None))
+        dictionary = Dictionary(problem, base, Axis.ports[0])
+        forms = [Product((Factor("w", "eddy", 9.0),)), Product((Factor("w", function, 18.0),))]
+        columns = respond(problem, base, Axis.ports[0], dictionary.values(forms))
+        gain, coefficients = Projection(base, [c.vector for c in columns]).gain([0, 1])
+        one = joined(problem, base, dictionary, Choice(tuple(columns), coefficients, gain))
+    assert (one is None) == (function == "exp")
+    if one is not None:
+        ((factor,),) = (c.form.factors for c in one.columns)
+        assert factor.p == pytest.approx(w_0, rel=0.1)
+        assert one.gain > 0.99 * gain

@@ -54,5 +54,6 @@ def _driven(campaign: Campaign, simulate: Simulator) -> None:
     offered = sorted({name for system in systems for name in system.inputs or driving(system)})
     raise UserError(
         f"{campaign.path}: no column drives the system, and by itself it rests; one of its inputs is needed in "
-        f"[channels]: {among(offered) if offered else 'it has none, `component.variable` names one of a component'}"
+        f"[channels]: {among(offered) if offered else 'it has none, `component.variable` names one of a component'}; "
+        'a machine that coasts down has its speed in [initial], as "load.x_w" = "first sample of w_load"'
     )

@@ -118,8 +118,9 @@ def read_recording(
     for channel in raw.values():
         _check_values(log, channel)
     steady = reading.table is not None
+    said = [] if reading.table == "mean" else notes  # of a clock, which means do not ask for
     fewest = ROWS if reading.table == "rows" else FEWEST
-    time = regular_clock(path, raw, notes, confirmed=steady or reading.time is not None, fewest=fewest)
+    time = regular_clock(path, raw, said, confirmed=steady or reading.time is not None, fewest=fewest)
     inputs: dict[str, NDArray[np.float64]] = {}
     outputs: dict[str, NDArray[np.float64]] = {}
     units, positions = {}, {}
@@ -133,9 +134,9 @@ def read_recording(
         if not steady and not column.believed:
             values, count, words = without_wild(values)
             left_out += [LeftOut(name, "outlier", count, words)] if count else []
-        series = resample(channel.name, channel.time, values, time, notes)
+        series = resample(channel.name, channel.time, values, time, said)
         if connectors[name].causality == "input":
-            series = fill(path, channel.name, time, series, notes)
+            series = fill(path, channel.name, time, series, said)
         if column.derivative:  # central differences: their integral does not drift from the position
             positions[channel.name], units[name] = series, target or f"{units[name]}/s"
             series = np.gradient(series, time)

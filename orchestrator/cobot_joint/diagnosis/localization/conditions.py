@@ -109,8 +109,9 @@ def _variables(
     """(variable, level of each `BLOCK` samples of each row block or -1, levels)"""
     yield _labelled("recording", [problem.recordings[b.recording].name for b in problem.blocks], problem)
     yield _labelled("channel", [b.channel for b in problem.blocks], problem)
-    rank = [np.linspace(0, 4, len(problem.recordings[b.recording].time), endpoint=False) for b in problem.blocks]
-    yield "time", np.concatenate([_means(x).astype(int) for x in rank]), [(name,) for name in QUARTERS]
+    if not problem.is_table:  # whose rows follow one another in no time
+        rank = [np.linspace(0, 4, len(problem.recordings[b.recording].time), endpoint=False) for b in problem.blocks]
+        yield "time", np.concatenate([_means(x).astype(int) for x in rank]), [(name,) for name in QUARTERS]
     for name in dict.fromkeys(n for s in signals for n in s):
         x = [_means(signals[b.recording][name]) if name in signals[b.recording] else None for b in problem.blocks]
         greatest = max(float(np.abs(v).max()) for v in x if v is not None)

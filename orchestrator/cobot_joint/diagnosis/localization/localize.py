@@ -87,7 +87,7 @@ def locate_difference(problem: Problem, calibrated: Fit) -> Localization:
         found,
         conditions=by_dependence(levels | {"frequency": frequencies(problem, calibrated.residual)}),
         orders=tuple(orders(problem, calibrated.residual, angles, simulated)),
-        changes=tuple(changes(problem, calibrated.residual)),
+        changes=() if problem.is_table else tuple(changes(problem, calibrated.residual)),
         above_noise=True,
     )
 

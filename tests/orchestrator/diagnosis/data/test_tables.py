@@ -12,6 +12,7 @@ from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.data.conditioning import condition
 from cobot_joint.diagnosis.data.tables import PER_HOLD, error_of_mean, scatter
 from cobot_joint.diagnosis.drafts.chain import chain, write_readable
+from cobot_joint.diagnosis.engine import diagnose
 from cobot_joint.errors import UserError
 
 SPEEDS = np.concatenate([-np.arange(200, 5, -10), np.arange(10, 205, 10)]).astype(float)  # rpm
@@ -66,10 +67,11 @@ def test_a_file_per_speed_is_a_row_of_its_means(tmp_path: Path) -> None:
     assert condition(loaded.recordings)["tau"].noise == pytest.approx(9.84e-5 / np.sqrt(200), rel=0.5)
 
 
-def test_tables_of_one_folder_are_told_apart_by_what_they_are_for_and_notes_have_their_files(tmp_path: Path) -> None:
-    """They were both called `../tab/v00.csvtab`, and every note was the first file's."""
+def test_tables_of_one_folder_are_told_apart_by_what_they_are_for_and_ask_for_no_clock(tmp_path: Path) -> None:
+    """They were both called `../tab/v00.csvtab`, with fifty notes on gaps and clocks of files whose means count."""
+    rng = np.random.default_rng(3)
     for k, n in enumerate(SPEEDS[:12]):
-        t = np.delete(np.arange(200) * 0.05, slice(50, 60) if k == 3 else slice(0))
+        t = np.delete(np.arange(200) * 0.05, slice(50, 60)) + rng.uniform(-0.01, 0.01, 190)
         lines = [f"{a},{n},{law(np.array([n]))[0]}" for a in t]
         (tmp_path / f"{k:02}.csv").write_text("time,n,M\n" + "\n".join(lines))
     held = '\n[[recording]]\nfile = ["08.csv", "09.csv", "10.csv", "11.csv"]\ntable = "mean"\nrole = "holdout"\n'
@@ -77,9 +79,17 @@ def test_tables_of_one_folder_are_told_apart_by_what_they_are_for_and_notes_have
     path.write_text(path.read_text() + held)
     training, other = load_campaign(path).recordings
     assert [training.name, other.name] == [f"{tmp_path.name}, training", f"{tmp_path.name}, held out"]
-    gaps = [note for note in training.notes if "not recorded" in note]
-    assert gaps, training.notes
-    assert all(note.startswith("03.csv: ") for note in gaps)
+    assert training.notes == []
+
+
+def test_what_is_said_of_some_files_of_a_table_has_their_names(tmp_path: Path) -> None:
+    """It was said of the first, whichever it was."""
+    for k, n in enumerate(SPEEDS[:12]):
+        lines = [f"{0.05 * j},{n},{law(np.array([n]))[0]},{j}" for j in range(100)]
+        lines = lines if k == 3 else [line.rpartition(",")[0] for line in lines]
+        (tmp_path / f"{k:02}.csv").write_text(f"time,n,M{',oil' if k == 3 else ''}\n" + "\n".join(lines))
+    (r,) = load_campaign(campaign(tmp_path, '"*.csv"', "mean")).recordings
+    assert r.notes == ["03.csv: oil is not connected to the system and not used"]
 
 
 def test_the_scatter_is_that_of_the_rows_and_not_of_the_law() -> None:
@@ -135,3 +145,18 @@ def test_an_output_that_one_file_lacks_is_not_compared_in_its_row_whichever_file
     (r,) = load_campaign(tmp_path / "campaign.toml").recordings
     assert np.isfinite(r.outputs["tau"]).sum() == len(SPEEDS)
     assert np.isfinite(r.outputs["friction.tau_f"]).sum() == len(SPEEDS) - 2
+
+
+def test_where_a_table_differs_is_said_without_a_time(tmp_path: Path) -> None:
+    """A drag that shows at high speed was "time is first quarter": the order that rows are visited in."""
+    drag = 4e-4 * SPEEDS * np.abs(SPEEDS)  # %
+    noise = np.random.default_rng(4).normal(0, 0.1, len(SPEEDS))
+    rows = "\n".join(f"{n},{m}" for n, m in zip(SPEEDS, law(SPEEDS) + drag + noise, strict=True))
+    (tmp_path / "table.csv").write_text(f"n,M\n{rows}")
+    found = diagnose(load_campaign(campaign(tmp_path, '"table.csv"', "rows")))
+    assert found.located is not None
+    assert found.located["above_noise"]
+    assert found.located["change_points"] == []
+    variables = [*found.located["regimes"], *(r["variable"] for f in found.findings for r in f.where["by_regime"])]
+    assert "w" in variables
+    assert "time" not in variables

@@ -24,7 +24,7 @@ from cobot_joint.diagnosis.report.headline import NOT_COUNTED, TermText, how_lar
 from cobot_joint.diagnosis.report.overlays import LEVELS, binned, over_signals
 from cobot_joint.diagnosis.report.pictures import of_panels
 from cobot_joint.diagnosis.report.report import ReportData, render, write_report
-from cobot_joint.diagnosis.report.words import notes, remedy
+from cobot_joint.diagnosis.report.words import remedy
 from cobot_joint.diagnosis.selection.confidence import COUNTED, COUNTED_BESIDE, COUNTED_TERMS
 from cobot_joint.mathml import typeset
 from cobot_joint.results.figures import COLOUR, Curve, Panel
@@ -400,12 +400,3 @@ def test_an_interval_that_says_nothing_is_not_spelled_out(ci95: list[float], sai
     assert how_large(finding, {}) == [f"tau_S: 0.0021 N.m ({said})"]
     given = data("explained", [FINDING | {"parameters": {"tau_S": {"value": 2.1e-3, "unit": "N.m", "ci95": ci95}}}])
     assert f"(95 %: {said})" in words(render(given))
-
-
-@pytest.mark.parametrize(("n", "said"), [(1.0, True), (6.0, False)])
-def test_cogging_once_per_turn_is_said_to_be_perhaps_a_weight(n: float, said: bool) -> None:
-    """A load out of balance was cogging of one slot, 65 %, and could also be nothing else."""
-    of_waves = {"n": {"value": n, "unit": "1"}}
-    given = data("explained", [FINDING | {"term": "motor_bldc.cogging", "parameters": of_waves}])
-    content = given.diagnosis | {"structure": {}, "repair": "offered"}
-    assert any("a weight or an imbalance" in note for note in notes(content)) == said

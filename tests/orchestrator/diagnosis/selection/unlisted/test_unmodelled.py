@@ -385,8 +385,7 @@ def test_two_terms_one_of_which_ends_at_its_bound_are_held_against_a_formula() -
 @pytest.mark.parametrize("function", ["eddy", "exp"])
 def test_two_features_of_one_form_whose_scale_lies_between_theirs_are_one_with_that(function: str) -> None:
     """Eddy currents of 141 rad/s (proof/sealed case18) were two of 100 and 200, and lost to a data sheet for it."""
-    w_0 = 12.7
-    case = concealed(lambda w, phi: -0.1 * (w / w_0) / (1 + (w / w_0) ** 2))
+    case = concealed(lambda w, phi: -0.1 * (w / 12.7) / (1 + (w / 12.7) ** 2))
     with one_blas_thread():
         problem, base = calibrate(case, Axis(), lambda words: None, Store(None))
         dictionary = Dictionary(problem, base, Axis.ports[0])
@@ -397,5 +396,5 @@ def test_two_features_of_one_form_whose_scale_lies_between_theirs_are_one_with_t
     assert (one is None) == (function == "exp")
     if one is not None:
         ((factor,),) = (c.form.factors for c in one.columns)
-        assert factor.p == pytest.approx(w_0, rel=0.1)
+        assert factor.p == pytest.approx(12.7, rel=0.1)
         assert one.gain > 0.99 * gain

@@ -20,7 +20,7 @@ from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.findings import Ground
 from cobot_joint.diagnosis.repair.compare import VARIANTS, compare
 from cobot_joint.diagnosis.report.chain import chain_of
-from cobot_joint.diagnosis.report.headline import NOT_COUNTED, TermText, how_large, how_sure, number, percent
+from cobot_joint.diagnosis.report.headline import NOT_COUNTED, TermText, how_large, how_sure
 from cobot_joint.diagnosis.report.overlays import LEVELS, binned, over_signals
 from cobot_joint.diagnosis.report.pictures import of_panels
 from cobot_joint.diagnosis.report.report import ReportData, render, write_report
@@ -374,15 +374,6 @@ def test_text_and_curves_stand_out_from_the_paper(scheme: str) -> None:
         assert contrast(colours[text], colours["paper"]) >= 4.5
     for shape in (colours["found"], colours["unsure"], colours["good"], *COLOUR.values()):
         assert contrast(shape, colours["paper"]) >= 3.0
-
-
-def test_numbers_read_as_people_write_them() -> None:
-    assert number(2.1e-7) == "2.1·10⁻⁷"
-    assert number(-0.5) == "−0.5"
-    assert number(None) == "–"
-    assert percent(0.9996) == "99.9 %"
-    assert percent(0.499) == "49.9 %"  # "no effect reaches 50 %; the closest is ... (50 % sure)"
-    assert percent(1.0) == "100 %"
 
 
 def test_a_channel_without_noise_is_reported() -> None:

@@ -1,9 +1,10 @@
-"""What has to be said beside the verdict."""
+"""Numbers in words, and what has to be said beside the verdict."""
 
 from __future__ import annotations
 
 import pytest
 
+from cobot_joint.diagnosis.report.headline import number, percent
 from cobot_joint.diagnosis.report.words import notes
 
 
@@ -13,3 +14,12 @@ def test_cogging_once_per_turn_is_said_to_be_perhaps_a_weight(n: float, said: bo
     cogging = {"term": "motor_bldc.cogging", "component": "motor_bldc", "parameters": {"n": {"value": n, "unit": "1"}}}
     content = {"verdict": "explained", "findings": [cogging], "channels": {}, "structure": {}, "repair": "offered"}
     assert any("a weight or an imbalance" in note for note in notes(content)) == said
+
+
+def test_numbers_read_as_people_write_them() -> None:
+    assert number(2.1e-7) == "2.1·10⁻⁷"
+    assert number(-0.5) == "−0.5"
+    assert number(None) == "–"
+    assert percent(0.9996) == "99.9 %"
+    assert percent(0.499) == "49.9 %"  # "no effect reaches 50 %; the closest is ... (50 % sure)"
+    assert percent(1.0) == "100 %"

@@ -168,7 +168,8 @@ def beside_load(problem: Problem, listed: Selection, say: Say) -> Outside | None
     enough = (1 - thresholds.LOADS_TAKE) * problem.above(calibrated.residual)
     gain = _needed(problem, best) if best is not None and problem.above(best.residual) < enough else None
     worth = _worth(problem, best, listed.selected) if best is not None and gain is not None else []
-    if best is None or gain is None or any(term.gain < problem.evidence for term in worth):
+    kept = len(worth) == len(listed.selected) and all(term.gain >= problem.evidence for term in worth)
+    if best is None or gain is None or not kept:
         return None
     others = _others(problem, listed.fit, best)
     found = Outside(replace(listed, history=[calibrated, best], selected=worth), gain, others)

@@ -68,7 +68,7 @@ class Selector:
     def select(self, calibrated: Fit, basis: object = None) -> Selection:
         """From the base model up. basis: what, beside the store's own, the result depends on."""
         so_far = self._forward(Selection([calibrated]), basis)
-        instead = self._one_instead(so_far)
+        instead = self._one_instead(so_far, basis)
         return self._forward(instead, basis) if instead else so_far
 
     def further(self, so_far: Selection) -> Selection:
@@ -98,7 +98,7 @@ class Selector:
             self.scan.probe, self.scan.indistinguishable = dict(so_far.probes), dict(so_far.indistinguishable)
         return so_far
 
-    def _one_instead(self, so_far: Selection) -> Selection | None:
+    def _one_instead(self, so_far: Selection, basis: object) -> Selection | None:
         """One term, seen from afar, that leaves less than several which leave what stands out, or than one that takes
         too little to stand alone: a gear that gives way was a brake that fades, a load, and a sensor's gain (machine
         157/18), a belt that creeps late a brake that fades (machine 163/53)."""
@@ -110,8 +110,10 @@ class Selector:
             return None
         begins = [_begins(term) for term in best.settled().hypothesis.terms] if self.problem.onsets else []
         self.progress("looking for one term, of any size, in place of those found")
-        look = partial(self._alone, base, dict.fromkeys([None, *begins]))
-        one = self.problem.budget.stage("one term instead of others", look)
+        trail = [(s.term, s.gain) for s in so_far.selected]
+        alone = partial(self._alone, base, dict.fromkeys([None, *begins]))
+        look = partial(self.store.remember, "one-instead", (basis, trail), alone)
+        one = self.problem.budget.spend("one term instead of others", look)
         late = one is not None and one.hypothesis.terms[-1].onset is not None
         freer = thresholds.WORTH * self.problem.above(best.residual) if late or len(so_far.selected) == 1 else 0.0
         if one is None or best.cost - one.cost < max(self.problem.evidence, freer):

@@ -25,6 +25,7 @@ from cobot_joint.diagnosis.selection.competition import Competition
 from cobot_joint.diagnosis.selection.elimination import prune, without_needless
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.stepwise import Selector, share
+from cobot_joint.diagnosis.store import Store
 from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, TERMS, Axis, campaign
 
 COGGING, ASYMMETRY, WINDAGE = (
@@ -186,9 +187,26 @@ def test_one_term_that_leaves_less_takes_the_place_of_what_leaves_what_stands_ou
         return {"axis.cogging": right}
 
     monkeypatch.setattr(stepwise, "look_from_afar", seen)
-    found = Selector(problem, Scan(problem, TERMS), lambda words: None)._one_instead(so_far)
+    found = Selector(problem, Scan(problem, TERMS), lambda words: None)._one_instead(so_far, None)
     assert (None if found is None else [s.term for s in found.selected]) == instead
     assert bool(asked) == (instead is not None)
+
+
+def test_one_term_instead_of_others_is_kept_by_what_it_is_sought_in_place_of(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By how often it was sought, a later call would take what was found in place of other terms: searches within a
+    stage that is kept are not made again."""
+    problem, base = refitted(campaign(TRUE))
+    late = fit_added(problem, base, [ActiveTerm(WINDAGE, {WINDAGE.amplitude: 1e-5})], Precision())
+    assert late is not None
+    asked: list[float] = []
+    monkeypatch.setattr(Problem, "stands_out", lambda self, residual: True)
+    monkeypatch.setattr(stepwise, "look_from_afar", lambda problem, best, columns, onset: asked.append(best.cost) or {})
+    for gain, times in ((600.0, 1), (600.0, 1), (500.0, 2), (600.0, 2)):
+        selector = Selector(problem, Scan(problem, TERMS), lambda words: None, Store(tmp_path / ".work"))
+        assert selector._one_instead(Selection([base, late], [Selected("axis.windage", gain)]), None) is None
+        assert len(asked) == times
 
 
 @pytest.mark.parametrize("onsets", [True, False])
@@ -204,7 +222,7 @@ def test_terms_are_seen_from_afar_from_the_start_and_from_the_onset_of_what_they
     monkeypatch.setattr(Problem, "stands_out", lambda self, residual: True)
     monkeypatch.setattr(stepwise, "look_from_afar", lambda problem, best, columns, onset: asked.append(onset) or {})
     so_far = Selection([base, late], [Selected("axis.windage", 600.0)])
-    assert Selector(problem, Scan(problem, TERMS), lambda words: None)._one_instead(so_far) is None
+    assert Selector(problem, Scan(problem, TERMS), lambda words: None)._one_instead(so_far, None) is None
     assert asked == ([None, 2.6] if onsets else [None])  # of many recordings none is said to set in
 
 

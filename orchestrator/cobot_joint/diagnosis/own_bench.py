@@ -100,7 +100,18 @@ def _first_campaign(
     """campaign.toml in the folder. UserError: one is there already, or no column fits."""
     from cobot_joint.diagnosis.data.campaign import connectors_of, system_connectors, systems_of
     from cobot_joint.diagnosis.data.campaign_file import CampaignFile, RecordingEntry
-    from cobot_joint.diagnosis.drafts.campaign_text import Columns, Lacking, campaign_text, guess, left_over, starts
+    from cobot_joint.diagnosis.drafts.campaign_text import (
+        Columns,
+        Entry,
+        Lacking,
+        campaign_text,
+        guess,
+        in_percent,
+        left_over,
+        one_each,
+        starts,
+    )
+    from cobot_joint.diagnosis.drafts.constant_speeds import as_table
     from cobot_joint.diagnosis.drafts.current_drive import with_commanded_current
     from cobot_joint.system.read import load_system
     from cobot_joint.system.wiring import driving, unwired
@@ -118,7 +129,9 @@ def _first_campaign(
     connectors = {n: c for n, c in connectors.items() if n in mine}
     columns = found[0].log.channels
     guesses = with_commanded_current(own, guess(columns, connectors, defaults.logged), columns)
-    if not any(connectors[g.connector].causality == "output" for g in guesses):
+    percent = in_percent(columns, guesses, connectors.values())
+    found_one = [connectors[g.connector] for g in guesses] + [*percent.values()]
+    if not any(c.causality == "output" for c in found_one):
         raise UserError(
             f"{logs[0]}: no column looks like an output of {system}, which has {among(connectors)}; "
             f"the file has {among(found[0].log.names)}"
@@ -134,8 +147,9 @@ def _first_campaign(
     channels = {c.name: c for i in found for c in i.log.channels}
     unusable = {name: why for i in found for name, why in i.log.unusable.items()}
     left = left_over(channels.values(), guesses, offered)
-    drafted = Columns(guesses, wanted, left, unusable, starts(own, guesses))
-    path.write_text(campaign_text(logs[0].stem, named, files, drafted, tolerances, given), encoding="utf-8")
+    drafted = Columns(guesses, wanted, left, percent, unusable, starts(own, guesses))
+    entries = as_table(own, guesses, [i.log for i in found], Entry(files, given=given)) or one_each(files, given)
+    path.write_text(campaign_text(logs[0].stem, named, entries, drafted, tolerances), encoding="utf-8")
     return path
 
 
@@ -252,7 +266,7 @@ def _campaign(system: System, folder: Path) -> str:
     import numpy as np
 
     from cobot_joint.diagnosis.data.formats import Channel
-    from cobot_joint.diagnosis.drafts.campaign_text import Columns, Guess, campaign_text
+    from cobot_joint.diagnosis.drafts.campaign_text import Columns, Guess, campaign_text, one_each
 
     nothing = np.zeros(0)
     guesses = [
@@ -260,8 +274,8 @@ def _campaign(system: System, folder: Path) -> str:
         for n, c in (dict(system.inputs) | dict(system.outputs)).items()
     ]
     tolerances = usual_tolerances(folder / "system.ssd")
-    files = ["run1.csv", "run2.csv"]
-    return campaign_text(folder.resolve().name, "system.ssd", files, Columns(guesses), tolerances)
+    entries = one_each(["run1.csv", "run2.csv"])
+    return campaign_text(folder.resolve().name, "system.ssd", entries, Columns(guesses), tolerances)
 
 
 def _assignment(text: str) -> tuple[str, str]:

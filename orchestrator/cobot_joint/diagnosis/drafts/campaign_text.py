@@ -66,8 +66,29 @@ class Columns:
     guesses: Sequence[Guess]
     lacking: Sequence[Lacking] = ()
     left: Mapping[str, Sequence[str]] = field(default_factory=dict)  # column that is not used -> what it could be
+    percent: Mapping[str, Connector] = field(
+        default_factory=dict
+    )  # column in % that is not used -> what it could be of
     unusable: Mapping[str, str] = field(default_factory=dict)  # column -> why
     starts: Mapping[str, str] = field(default_factory=dict)  # `component.variable` -> the connector that shows it
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A [[recording]]. given: its further keys. why: what of it is a guess."""
+
+    files: Sequence[str]
+    role: str = "train"
+    given: Mapping[str, str | int] = field(default_factory=dict)
+    why: str = ""
+
+
+def one_each(files: Sequence[str], given: Mapping[str, str | int] | None = None) -> list[Entry]:
+    """An entry per file, the last of several held out."""
+    entries = [Entry([file], given=given or {}) for file in files]
+    if len(entries) > 1:
+        entries[-1] = replace(entries[-1], role="holdout", why="guess: the last is held out, scored and never fitted")
+    return entries
 
 
 def is_command(name: str) -> bool:
@@ -183,6 +204,20 @@ def left_over(
     return left
 
 
+def in_percent(
+    channels: Iterable[Channel], guesses: Sequence[Guess], offered: Iterable[Connector]
+) -> dict[str, Connector]:
+    """Column in % that no guess uses -> the connector whose words its name has: of a rated torque, or current."""
+    used, taken = {g.column.name for g in guesses}, {g.connector for g in guesses}
+    free = [c for c in offered if c.name not in taken and c.unit]
+    found = {}
+    for channel in channels:
+        named = [c for c in free if set(_words(c.name)) <= set(_words(channel.name))]
+        if channel.unit in ("%", "percent") and channel.name not in used and named:
+            found[_header(channel)] = max(named, key=lambda c: _likeness(channel.name, c.name))
+    return found
+
+
 def _header(column: Channel) -> str:
     return column.name + (f" [{column.unit}]" if column.unit else "")
 
@@ -217,15 +252,9 @@ def _likeness(column: str, connector: str) -> float:
 
 
 def campaign_text(
-    title: str,
-    system: str,
-    files: Sequence[str],
-    columns: Columns,
-    tolerances: Mapping[str, str] | None = None,
-    given: Mapping[str, str | int] | None = None,
+    title: str, system: str, entries: Sequence[Entry], columns: Columns, tolerances: Mapping[str, str] | None = None
 ) -> str:
-    """campaign.toml with its guesses marked. tolerances: as TOML, "" for a parameter that is 0. given: further keys of
-    recordings."""
+    """campaign.toml with its guesses marked. tolerances: as TOML, "" for a parameter that is 0."""
     lines = [f"title = {_quoted(title)}", f"system = {_quoted(system)}", "", *_channels(columns)]
     if columns.starts:
         lines += ["", "[initial]   # guess: the simulation begins where the log does"]
@@ -234,15 +263,21 @@ def campaign_text(
         lines += ["", "[tolerances]   # how far a healthy parameter may be off; guess: the data sheet knows better"]
         lines += [_tolerance(name, tolerance) for name, tolerance in tolerances.items()]
     expected = ", ".join(_quoted(each.connector.name) for each in columns.lacking if each.expected)
-    for k, file in enumerate(files):
-        role = "holdout" if k == len(files) - 1 > 0 else "train"
-        lines += ["", "[[recording]]", f"file = {_quoted(file)}"]
-        lines += [f"{key} = {_toml(value)}" for key, value in (given or {}).items()]
-        if role == "holdout":
-            lines.append('role = "holdout"   # guess: the last is held out, scored and never fitted')
+    for entry in entries:
+        lines += ["", "[[recording]]", *_recording(entry)]
         if expected:
             lines.append(f"without = [{expected}]   # guess: they were not recorded")
     return "\n".join(lines) + "\n"
+
+
+def _recording(entry: Entry) -> list[str]:
+    """The entry's lines, its last key with what of it is a guess."""
+    several = ",\n        ".join(_quoted(file) for file in entry.files)
+    lines = [f"file = [{several}]" if len(entry.files) > 1 else f"file = {several}"]
+    lines += [f"{key} = {_toml(value)}" for key, value in entry.given.items()]
+    lines += [f"role = {_quoted(entry.role)}"] if entry.role != "train" else []
+    lines[-1] += f"   # {entry.why}" if entry.why else ""
+    return lines
 
 
 def _tolerance(name: str, tolerance: str) -> str:
@@ -260,7 +295,10 @@ def _channels(columns: Columns) -> list[str]:
         lines.append(f"{_quoted(_header(g.column))} = {to}{why}")
     for c in (each.connector for each in columns.lacking):
         lines.append(f'# "COLUMN" = {_quoted(c.name)}   # {c.causality} [{c.unit or "1"}]: no column was found')
-    for header, fitting in columns.left.items():
+    for header, c in columns.percent.items():
+        to = f"{{ to = {_quoted(c.name)}, scale = {_quoted(f'RATED {c.unit}')} }}"
+        lines.append(f"# {_quoted(_line(header))} = {to}   # not used: in place of RATED, what 100 % of it is")
+    for header, fitting in ((h, f) for h, f in columns.left.items() if h not in columns.percent):
         why = f"not used; it could be {among(fitting, 5)}" if fitting else "not used: no connector is like it"
         lines.append(f"# {_quoted(_line(header))} = {_quoted(fitting[0] if fitting else 'CONNECTOR')}   # {why}")
     lines += [f"# {_quoted(_line(name))} cannot be used: it {_line(why)}" for name, why in columns.unusable.items()]

@@ -7,13 +7,21 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 T = TypeVar("T")
 
 
 class OutOfTime(Exception):
     """Raised out of a search whose time is up."""
+
+
+class _CutShort(Exception):
+    """Carries past the keeper what is no result to go on from."""
+
+    def __init__(self, found: object) -> None:
+        super().__init__()
+        self.found = found
 
 
 @dataclass
@@ -57,10 +65,25 @@ class Budget:
 
     def stage(self, what: str, look: Callable[[], T]) -> T | None:
         """The same, kept for a later call by how many times it was asked for: what goes before is kept, too, and the
-        same. Not where time is limited: what was cut short is no result to go on from."""
+        same, unless time cut it short."""
         self._asked[what] += 1
-        name = f"{what} {self._asked[what]}"
-        return self.spend(what, look if self.limited else lambda: self.keep(name, look))
+        if self.left_out:
+            return self.spend(what, look)
+        return self.kept(f"{what} {self._asked[what]}", lambda: self.spend(what, look))
+
+    def kept(self, name: str, look: Callable[[], T]) -> T:
+        """What an earlier call has kept under the name, else what is found, kept unless time cut it short."""
+
+        def whole() -> T:
+            found = look()
+            if self.left_out:
+                raise _CutShort(found)
+            return found
+
+        try:
+            return cast(T, self.keep(name, whole))
+        except _CutShort as cut:
+            return cast(T, cut.found)
 
     def _leave_out(self, what: str) -> None:
         """Said once, though several places ask for it."""

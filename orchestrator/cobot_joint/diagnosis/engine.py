@@ -141,8 +141,7 @@ def explain(
     def select() -> Explanation:
         return _select(campaign, problem, calibrated, say, store)
 
-    # what time cut short is no result to go on from; its finished rounds are kept
-    explanation = select() if problem.budget.limited else store.remember("selection", basis(campaign), select)
+    explanation = problem.budget.kept("selection", select)
     say("writing down what was found")
     if explanation.anchored is not None and not explanation.selected:
         search, units = explanation.anchored, units_of(problem)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pytest
+
 from cobot_joint.diagnosis.budget import Budget
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.engine import diagnose_plant
@@ -77,3 +79,31 @@ def test_what_several_places_ask_for_is_left_out_once() -> None:
     budget = Budget(0.0)
     assert [budget.spend("formulas", lambda: 1) for _ in range(3)] == [None] * 3
     assert budget.left_out == ["formulas"]
+
+
+def test_a_call_with_a_limit_goes_on_from_what_one_without_has_finished(tmp_path: Path) -> None:
+    case, undisturbed, second = concealed_windage_and_cogging(), Axis(), Axis()
+    budget, last = Budget(1e6), "writing down what was found"
+
+    def interrupted(words: str) -> None:
+        if words == last:
+            raise KeyboardInterrupt
+
+    def struck(words: str) -> None:
+        budget.seconds = 0.0 if words == last else budget.seconds
+
+    with pytest.raises(KeyboardInterrupt):
+        diagnose_plant(case, undisturbed, store=Store(tmp_path), progress=interrupted)
+    found = diagnose_plant(case, second, store=Store(tmp_path), progress=struck, budget=budget)
+    assert found.left_out == ["the experiment that would tell more"]
+    assert {f.term for f in found.findings} == {"axis.windage", "axis.cogging"}
+    assert second.runs < 0.1 * undisturbed.runs
+
+
+def test_what_follows_something_left_out_is_not_taken_from_what_is_kept() -> None:
+    """It may be asked about something else."""
+    kept: dict[str, object] = {"loads 1": "of before"}
+    budget = Budget(1e6, keep=lambda name, look: kept.get(name) or kept.setdefault(name, look()))
+    budget.left_out.append("further listed terms")
+    assert budget.stage("loads", lambda: "new") == "new"
+    assert kept == {"loads 1": "of before"}

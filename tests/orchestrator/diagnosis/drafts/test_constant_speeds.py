@@ -66,7 +66,9 @@ def test_a_torque_in_percent_alone_is_drafted_with_a_place_for_what_100_percent_
         (machine / f"{k}.csv").write_text("\n".join(kept))
     text = drafted(cobot_joint, *(f"{k}.csv" for k in range(len(SPEEDS))))
     line = next(line for line in text.splitlines() if "[%]" in line)
-    assert line.startswith('# "Torque actual value [%]" = { to = "tau", scale = "RATED N.m" }   # not used: in place of')
+    assert line.startswith(
+        '# "Torque actual value [%]" = { to = "tau", scale = "RATED N.m" }   # not used: in place of'
+    )
     filled = line.removeprefix("# ").replace("RATED", "0.1").split("   #")[0]
     Path("first/campaign.toml").write_text(text.replace(line, filled))
     tau = load_campaign(machine / "first/campaign.toml").train[0].outputs["tau"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -18,12 +19,13 @@ from cobot_joint.screen import Screen
 if TYPE_CHECKING:
     from cobot_joint.diagnosis.checks.inspection import Inspection
     from cobot_joint.diagnosis.drafts.chain import Chain
-    from cobot_joint.system.model import System
+    from cobot_joint.system.model import Component, System
 
 console = Screen()
 if not console.is_terminal:
     console = Screen(width=160)
 POINTS = 4000  # of a channel in a picture
+RIGID = 100.0  # Hz, above what a drive's loop follows
 STIFF = 50.0  # Hz, at which a load rings on a spring that a machine has only in the model
 
 
@@ -47,6 +49,10 @@ def inspect(
     from cobot_joint.results.draw import draw
     from cobot_joint.results.figures import Picture, over_time
 
+    if system is not None and Path(system).suffix == ".toml":
+        raise UserError(
+            f"--system {system} is given, a campaign; the .ssd or .ssp that it has as its system is allowed"
+        )
     found = [inspect_log(path, time, Layout(skip, separator, encoding)) for path in logs]
     for path, i in zip(logs, found, strict=True):
         _show(path, i)
@@ -68,7 +74,8 @@ def inspect(
         asked = {"time": time, "skip": skip, "separator": separator, "encoding": encoding}
         given = {key: value for key, value in asked.items() if value is not None}
         given |= {"table": "rows"} if found[0].table else {}
-        console.print(_first_campaign(folder, system, logs, found, given), soft_wrap=True)
+        for words in _first_campaign(folder, system, logs, found, given):
+            console.print(words, soft_wrap=True)
 
 
 def _show(path: Path, i: Inspection) -> None:
@@ -96,8 +103,9 @@ def _show(path: Path, i: Inspection) -> None:
 
 def _first_campaign(
     folder: Path, system: str, logs: list[Path], found: list[Inspection], given: dict[str, str | int]
-) -> Path:
-    """campaign.toml in the folder. UserError: one is there already, or no column fits."""
+) -> list[str]:
+    """campaign.toml in the folder; where it is, and what it lacks. UserError: one is there already, or no column
+    fits."""
     from cobot_joint.diagnosis.data.campaign import connectors_of, system_connectors, systems_of
     from cobot_joint.diagnosis.data.campaign_file import CampaignFile, RecordingEntry
     from cobot_joint.diagnosis.drafts.campaign_text import (
@@ -112,7 +120,7 @@ def _first_campaign(
         starts,
     )
     from cobot_joint.diagnosis.drafts.constant_speeds import as_table
-    from cobot_joint.diagnosis.drafts.current_drive import with_commanded_current
+    from cobot_joint.diagnosis.drafts.current_drive import nominal_beside, with_commanded_current
     from cobot_joint.system.read import load_system
     from cobot_joint.system.wiring import driving, unwired
 
@@ -146,11 +154,20 @@ def _first_campaign(
     tolerances = {} if defaults.tolerances else usual_tolerances(file)
     channels = {c.name: c for i in found for c in i.log.channels}
     unusable = {name: why for i in found for name, why in i.log.unusable.items()}
-    left = left_over(channels.values(), guesses, offered)
-    drafted = Columns(guesses, wanted, left, percent, unusable, starts(own, guesses))
+    left = left_over(own, channels.values(), guesses, offered)
+    nominal = nominal_beside(own, guesses)
+    drafted = Columns(guesses, wanted, left, percent, unusable, nominal, starts(own, guesses))
     entries = as_table(own, guesses, [i.log for i in found], Entry(files, given=given)) or one_each(files, given)
     path.write_text(campaign_text(logs[0].stem, named, entries, drafted, tolerances), encoding="utf-8")
-    return path
+    return [str(path), *_nothing_drives(own, [g.connector for g in guesses])]
+
+
+def _nothing_drives(system: System, connectors: Collection[str]) -> list[str]:
+    """What a draft lacks that has columns for these; nothing: it has an input."""
+    if not system.inputs or any(name in system.inputs for name in connectors):
+        return []
+    inputs = among(list(system.inputs))
+    return [f"no column is an input of the system: `diagnose` needs one for {inputs}, or a start in [initial]"]
 
 
 def usual_tolerances(system: Path) -> dict[str, str]:
@@ -212,7 +229,7 @@ def new(
             raise UserError(f"{folder / name} is there already; --out names another folder")
     words = [(name, part.words) for name, part in made.parts.items()]
     console.print(write_readable(made.system, words, folder / "system.ssd"), soft_wrap=True)
-    if chain and "shaft" not in parts:
+    if chain:
         console.print(*_shaft(made, "shaft.c_s" in values), sep="", end="")
     console.print(*_ringing(made), *_commanded(made, values), sep="", end="")
     (folder / "campaign.toml").write_text(_campaign(made.system, folder), encoding="utf-8")
@@ -220,14 +237,32 @@ def new(
 
 
 def _shaft(made: Chain, known: bool) -> list[str]:
-    """What was put between two parts that both bring motion, in words; nothing: it was not needed. known: its stiffness
-    was given."""
+    """What stands between two parts that both bring motion, in words; nothing: no shaft does, or its stiffness was
+    given (known)."""
     names = list(made.parts)
     if "shaft" not in names or known:
         return []
     k, c_s = names.index("shaft"), made.system.component("shaft").parameters["shaft.c_s"]
     between = f"a shaft of {c_s:g} N.m/rad stands between {names[k - 1]} and {names[k + 1]}"
-    return [f"{between}; that stiffness is assumed: set the real one with --set 'shaft.c_s=VALUE'\n"]
+    inertias = [_inertia(made.system.component(names[j])) for j in (k - 1, k + 1)]
+    c, d = _as_good_as_rigid(*inertias) if all(J > 0 for J in inertias) else (math.nan, math.nan)
+    rigid = f"; of a coupling that hardly gives: --set shaft.c_s={c:.3g} --set shaft.d_s={d:.3g}" if c > 0 else ""
+    return [f"{between}; that stiffness is assumed: set the real one with --set 'shaft.c_s=VALUE'{rigid}\n"]
+
+
+def _inertia(component: Component) -> float:
+    """What of it turns with the shaft beside it, kg.m2; 0: no parameter says."""
+    of = component.parameters
+    named = (of.get(name) for name in ("rotor.J", "output.J_o", "arm.J_l", "pulley.J_p", "body.J"))
+    hung = sum(of.get(f"{part}.m", 0.0) * of.get(f"{part}.r", 0.0) ** 2 for part in ("arm", "body"))
+    return next((float(J) for J in named if J is not None), 0.0) + hung
+
+
+def _as_good_as_rigid(a: float, b: float) -> tuple[float, float]:
+    """Stiffness and damping of a shaft on which the larger of two inertias would ring at RIGID, and the two against
+    each other with 0.7 of critical damping, 2 sqrt(c J)."""
+    c = max(a, b) * (2 * math.pi * RIGID) ** 2
+    return c, 1.4 * math.sqrt(c * a * b / (a + b))
 
 
 def _commanded(made: Chain, given: Collection[str]) -> list[str]:
@@ -241,8 +276,6 @@ def _commanded(made: Chain, given: Collection[str]) -> list[str]:
 def _ringing(made: Chain) -> list[str]:
     """What a load behind recorded motion rings at on the sensor's spring, where little damps it, and what to set where
     no data sheet gives a spring; nothing: there is no such load."""
-    import math
-
     names = list(made.parts)
     parts = {c.name: c for c in made.system.components}
     if len(names) < 3 or names[:2] != ["motion", "sensor"] or parts[names[2]].unit.name != "driven_load":

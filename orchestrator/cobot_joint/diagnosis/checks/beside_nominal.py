@@ -71,7 +71,8 @@ def beside_nominal(
             at = timing(r.outputs[name], simulated[name], r.step)
             if at.by_rate > SHARE and abs(at.rate) * (r.time[-1] - r.time[0]) > 2 * r.step:
                 words = (
-                    f"its delay grows by {1e3 * at.rate:.3g} ms per s: its clock runs at another rate than the inputs'"
+                    f"its delay grows by {1e3 * at.rate:.3g} ms per s: its clock runs at another rate than the "
+                    "inputs', or a value of the data sheet is off; the answer says if it is the clock"
                 )
                 found.append(Suspicion(r.name, name, "clock drifts", words))
             elif at.by_tau > SHARE and abs(at.tau) > r.step:

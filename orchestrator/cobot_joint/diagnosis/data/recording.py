@@ -254,9 +254,12 @@ def _in_unit(
         )
     unit = channel.unit or stated
     if isinstance(column.scale, str):
-        values, unit = convert(
-            channel.values, product(unit, column.scale, f"{where}: scale"), target, f"{where}: scale"
-        )
+        try:
+            quantity = product(unit, column.scale, f"{where}: scale")
+            values, unit = convert(channel.values, quantity, target, f"{where}: scale")
+        except UserError as error:
+            lacking = "" if unit else f'; the column has no unit: "{channel.name} [UNIT]" gives it one'
+            raise UserError(f"{error}{lacking}") from None
     else:
         values, unit = convert(channel.values, unit, target, where)
         values = values if column.scale == 1 else column.scale * values

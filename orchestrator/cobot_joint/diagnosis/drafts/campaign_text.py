@@ -36,6 +36,7 @@ SUFFIXES = {
     "deg_s": "deg/s", "degs": "deg/s", "dps": "deg/s", "nm": "N.m", "mnm": "mN.m", "ncm": "N.cm", "mA": "mA",
     "mV": "mV", "mm": "mm", "um": "um", "mm_s": "mm/s",
 }  # fmt: skip
+WORDED = {"A": "i", "V": "v"}  # at the end of the name of such a quantity: `motor_current_A`, not `phase_A`
 # in a compound, which German writes in one word: Sollposition, Positionssollwert, Istdrehzahl, Stromistwert
 GERMAN = re.compile(r"(soll|ist)wert|(?:^|(?<=[\W_]))(soll|ist)(?=[a-z])")
 IN_WORDS = re.compile(r"\((?!\d+\))(?P<bracket>[^()]+)\)$|\s(?:in\s|/\s)(?P<word>\S+)$")
@@ -70,6 +71,7 @@ class Columns:
         default_factory=dict
     )  # column in % that is not used -> what it could be of
     unusable: Mapping[str, str] = field(default_factory=dict)  # column -> why
+    nominal: Mapping[str, float] = field(default_factory=dict)  # `component.parameter` -> value that follows from them
     starts: Mapping[str, str] = field(default_factory=dict)  # `component.variable` -> the connector that shows it
 
 
@@ -106,6 +108,7 @@ def with_named_unit(column: Channel, connectors: Iterable[Connector]) -> Channel
     `torque (Nm)`, `speed in rad/s`."""
     names = column.name, column.name.lower()
     ends = [unit for suffix, unit in SUFFIXES.items() if any(name.endswith("_" + suffix) for name in names)]
+    ends += [u for u, word in WORDED.items() if column.name.endswith(f"_{u}") and word in _words(column.name[:-2])]
     if words := IN_WORDS.search(column.name):
         ends.append(words["bracket"] or words["word"])
     fitting = (u for u in ends if is_unit(u) and any(c.unit and converts(u, c.unit) for c in connectors))
@@ -190,14 +193,24 @@ def starts(system: System, guesses: Iterable[Guess]) -> dict[str, str]:
 
 
 def left_over(
-    channels: Iterable[Channel], guesses: Sequence[Guess], offered: Iterable[Connector]
+    system: System, channels: Iterable[Channel], guesses: Sequence[Guess], offered: Iterable[Connector]
 ) -> dict[str, list[str]]:
-    """Column that no guess uses -> connectors that it could be by its unit, else by its name; the likeliest first."""
+    """Column that no guess uses -> connectors that it could be by its unit, else by its name; the likeliest first.
+
+    Those of a unit of which a guessed column shows something else come before others, where the names share a word:
+    `knee_angle` beside `knee_speed`. What adds to an angle is an error of it, not an angle."""
     used, taken = {g.column.name for g in guesses}, {g.connector for g in guesses}
-    free = [c for c in offered if c.name not in taken and c.unit]
+    free = [c for c in offered if c.name not in taken and c.unit and not is_error_of_angle(c)]
+    whose = {connector: name.split(".")[0] for connector, name in shown_by(system).items()}
+    owners = [(whose[g.connector], _own_words(g.column.name)) for g in guesses if g.connector in whose]
     left = {}
     for channel in (with_named_unit(c, free) for c in channels):
-        alike = {c.name: _likeness(channel.name, c.name) for c in free if converts(channel.unit, c.unit)}
+        near = {owner for owner, words in owners if words & _own_words(channel.name)}
+        alike = {
+            c.name: _likeness(channel.name, c.name) + (c.name.split(".")[0] in near)
+            for c in free
+            if converts(channel.unit, c.unit)
+        }
         fitting = [n for n, likeness in alike.items() if channel.unit not in (None, "1") or likeness >= ALIKE]
         if channel.name not in used:
             left[_header(channel)] = sorted(fitting, key=lambda n: -alike[n])
@@ -216,6 +229,16 @@ def in_percent(
         if channel.unit in ("%", "percent") and channel.name not in used and named:
             found[_header(channel)] = max(named, key=lambda c: _likeness(channel.name, c.name))
     return found
+
+
+def is_error_of_angle(connector: Connector) -> bool:
+    """Whether it is added to an angle."""
+    return connector.name.endswith("_add") and connector.unit == "rad"
+
+
+def _own_words(name: str) -> set[str]:
+    """Those of a name that say whose it is, not what."""
+    return set(_words(name)) - {*WORDS.values(), *SUFFIXES, *(unit.lower() for unit in WORDED)}
 
 
 def _header(column: Channel) -> str:
@@ -256,6 +279,9 @@ def campaign_text(
 ) -> str:
     """campaign.toml with its guesses marked. tolerances: as TOML, "" for a parameter that is 0."""
     lines = [f"title = {_quoted(title)}", f"system = {_quoted(system)}", "", *_channels(columns)]
+    if columns.nominal:
+        lines += ["", "[parameters]   # guess: a measured current is what flows, whatever the drive's loop does"]
+        lines += [f"{_quoted(name)} = {value:g}" for name, value in columns.nominal.items()]
     if columns.starts:
         lines += ["", "[initial]   # guess: the simulation begins where the log does"]
         lines += [f'{_quoted(name)} = "first sample of {shown}"' for name, shown in columns.starts.items()]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -262,8 +263,16 @@ def _parameter(key: str, wanted: str, unit: Unit) -> str:
     base = [n for n in found if n in {p for part in PARTS.values() for p in part.data_sheet}]
     found = base or found
     if len(found) != 1:
-        known = among(found or [n for n in real if n in {p for part in PARTS.values() for p in part.data_sheet}], 20)
-        raise UserError(f"--set {key}: {'which of' if found else 'there is no such parameter, it has'} {known}")
+        if found:
+            raise UserError(f"--set {key}: which of {among(found, 20)}")
+        sheet = [n for n in real if n in {p for part in PARTS.values() for p in part.data_sheet}]
+        like = [n for n in every if n not in sheet and {*wanted.lower().split(".")} & {*n.lower().split(".")}]
+        near = difflib.get_close_matches(wanted, every, 5, 0.6)
+        others = among(list(dict.fromkeys([*near, *like])) or [n for n in every if n not in sheet], 5)
+        raise UserError(
+            f"--set {key}: there is no such parameter; its data sheet has {among(sheet, 20)}; any other of the unit "
+            f"is allowed too, as {others}"
+        )
     return found[0]
 
 

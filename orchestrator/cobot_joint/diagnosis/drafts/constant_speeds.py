@@ -23,7 +23,9 @@ def as_table(system: System, guesses: Sequence[Guess], logs: Sequence[Log], entr
     entry: one for all of the files, in the order of `logs`.
     """
     inputs = [g.column.name for g in guesses if g.connector in system.inputs]
-    if [c.unit.name for c in system.components] != [PARTS["friction"].unit] or len(logs) < ROWS or not inputs:
+    units = [(c.unit.name, c.parameters.get("motion.source")) for c in system.components]
+    friction = PARTS["friction"]
+    if units != [(friction.unit, friction.values["motion.source"])] or len(logs) < ROWS or not inputs:
         return None
     series = [[channel.values for channel in log.channels if channel.name == inputs[0]] for log in logs]
     if any(len(own) != 1 for own in series):

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cobot_joint.diagnosis.data.formats import Channel
-from cobot_joint.diagnosis.drafts.campaign_text import Guess, converts, is_command
+from cobot_joint.diagnosis.data.recording import Connector
+from cobot_joint.diagnosis.drafts.campaign_text import Guess, converts, is_command, with_named_unit
 from cobot_joint.diagnosis.drafts.chain import CURRENT_MODE
 from cobot_joint.system.model import Component, System
 
@@ -16,6 +17,7 @@ def with_commanded_current(system: System, guesses: Sequence[Guess], channels: S
     """The guesses, and a column in A for the set value of a drive in current mode that has none: a set value before a
     measured one, which goes in only where something else is left to be compared."""
     found = list(guesses)
+    channels = [with_named_unit(c, [Connector("", "input", "A")]) for c in channels]
     for name, motor in _commands(system).items():
         if name in {g.connector for g in found}:
             continue
@@ -29,6 +31,14 @@ def with_commanded_current(system: System, guesses: Sequence[Guess], channels: S
             what = "its set value" if asked else "no set value is logged, so that what it gives is what went in"
             found.append(Guess(column, name, f"{motor.name} is in current mode; {what}", f"{1 / k_i:g} V/A"))
     return found
+
+
+def nominal_beside(system: System, guesses: Sequence[Guess]) -> dict[str, float]:
+    """`component.parameter` -> nominal value of a drive whose measured current goes in: that is what flows, so its loop
+    loses none of it to the back-EMF, which would act as an inertia of k^2/(R w_c)."""
+    commands = _commands(system)
+    given = {g.connector for g in guesses if g.connector in commands and not is_command(g.column.name)}
+    return {f"{commands[name].name}.drive.decoupling": 1.0 for name in given}
 
 
 def _commands(system: System) -> dict[str, Component]:

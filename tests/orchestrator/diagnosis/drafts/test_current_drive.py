@@ -39,6 +39,7 @@ def test_the_measured_current_goes_in_where_no_set_value_is_logged(
     """It was compared, and nothing drove the machine."""
     draft = drafted(tmp_path, cobot_joint, {"Iq_ist [mA]": 1500.0, "Drehzahl [U/min]": 1200.0})
     assert draft["channels"] == {"Iq_ist [mA]": GOES_IN, "Drehzahl [U/min]": "w_motor"}
+    assert draft["parameters"] == {"motor.drive.decoupling": 1}  # what was measured flows, whatever the loop does
     (recording,) = load_campaign(tmp_path / "f/campaign.toml").recordings
     assert np.max(recording.inputs["v_command"]) == pytest.approx(1.5, rel=1e-3)
 
@@ -46,6 +47,22 @@ def test_the_measured_current_goes_in_where_no_set_value_is_logged(
 def test_a_set_value_goes_in_before_a_measured_current(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:
     draft = drafted(tmp_path, cobot_joint, {"i_ist [A]": 1.5, "i_soll [A]": 1.5, "n_motor [rpm]": 1200.0})
     assert draft["channels"] == {"i_ist [A]": "i_motor", "i_soll [A]": GOES_IN, "n_motor [rpm]": "w_motor"}
+    assert "parameters" not in draft
+
+
+def test_a_current_whose_name_ends_with_its_unit_goes_in(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:
+    """`phase_A` is not in A."""
+    draft = drafted(tmp_path, cobot_joint, {"phase_A": 1.0, "motor_current_A": 1.5, "motor_speed_rad_s": 120.0})
+    assert draft["channels"] == {"motor_current_A [A]": GOES_IN, "motor_speed_rad_s [rad/s]": "w_motor"}
+
+
+def test_a_draft_that_nothing_drives_is_said_to_lack_an_input(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:
+    np.savetxt(tmp_path / "a.csv", np.column_stack([T, np.sin(9 * T)]), delimiter=",", header="t [s],n [rpm]")
+    assert cobot_joint("new", "--chain", "motor,load", "--out", "m").returncode == 0
+    done = cobot_joint("inspect", "a.csv", "--system", "m/system.ssd", "--out", "f")
+    assert "no column is an input of the system: `diagnose` needs one for v_command, or a start" in done.stdout
+    done = cobot_joint("inspect", "a.csv", "--system", "f/campaign.toml", "--out", "g")
+    assert (done.returncode, "--system f/campaign.toml is given, a campaign" in done.stderr) == (2, True)
 
 
 def test_what_the_loop_makes_of_no_account_has_no_tolerance(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:

@@ -141,3 +141,31 @@ def test_a_torque_in_lower_case_is_no_length() -> None:
     (found,) = guess([column], {"tau": torque})
     assert found.column.unit == "N.m"
     assert found.why == "by its name; its unit by its name"
+
+
+def test_of_a_shaft_that_is_assumed_the_stiffness_and_damping_of_a_rigid_coupling_are_said(
+    cobot_joint: Callable[..., Done],
+) -> None:
+    """0.0125 kg.m2 at 100 Hz, and damped by 0.7 of critical against the gear's own 0.0003 kg.m2."""
+    given = [word for value in ("load.J=0.0125", "gear.J_o=3e-4") for word in ("--set", value)]
+    done = cobot_joint("new", "--chain", "motor,gear,shaft,load", "--out", "knee", *given)
+    c = 0.0125 * (2 * np.pi * 100) ** 2
+    d = 2 * 0.7 * np.sqrt(c * 0.0125 * 3e-4 / (0.0125 + 3e-4))
+    assert f"--set shaft.c_s={c:.3g} --set shaft.d_s={d:.3g}" in " ".join(done.stdout.split())
+
+
+def test_an_angle_whose_speed_is_used_is_offered_to_the_same_part_first_and_to_no_error_of_an_angle(
+    tmp_path: Path, cobot_joint: Callable[..., Done]
+) -> None:
+    t = np.arange(400) * 1e-2
+    columns = {"t [s]": t, "u_cmd_V": np.sin(t), "n_mot [rad/s]": 9 * np.sin(t), "knee_speed [rad/s]": np.sin(t)}
+    columns["knee_angle [rad]"] = np.cos(t)
+    table = np.column_stack([*columns.values()])
+    np.savetxt(tmp_path / "run.csv", table, delimiter=",", header=",".join(columns), comments="")
+    assert cobot_joint("new", "--chain", "motor,gear,shaft,load", "--out", "knee").returncode == 0
+    assert cobot_joint("inspect", "run.csv", "--system", "knee/system.ssd", "--out", "first").returncode == 0
+    text = (tmp_path / "first/campaign.toml").read_text()
+    (line,) = (line for line in text.splitlines() if "knee_angle" in line)
+    assert line.startswith('# "knee_angle [rad]" = "load.phi"   # not used; it could be load.phi, ')
+    assert "delta_add" not in line
+    assert '"u_cmd_V [V]" = "v_command"' in text

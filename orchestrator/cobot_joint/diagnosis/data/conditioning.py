@@ -69,13 +69,14 @@ def assess(*series: NDArray[np.float64]) -> ChannelQuality:
     recorded = [x[np.isfinite(x)] for x in series]
     x = np.concatenate(recorded)
     noise, colour = noise_and_colour(*series)
+    step = quantisation_step(x)
     return ChannelQuality(
         noise=noise,
         colour=colour,
-        step=quantisation_step(x),
+        step=step,
         low=float(x.min(initial=np.inf)),
         high=float(x.max(initial=-np.inf)),
-        saturated=sum(_saturated(part, x) for part in recorded),
+        saturated=sum(_saturated(part, x, step) for part in recorded),
         missing=sum(map(len, series)) - len(x),
         samples=sum(map(len, series)),
     )
@@ -187,11 +188,16 @@ def quantisation_step(x: NDArray[np.float64]) -> float:
     return step if np.mean(np.abs(values / step - np.rint(values / step)) < 0.1) > 0.95 else 0.0
 
 
-def _saturated(x: NDArray[np.float64], everywhere: NDArray[np.float64]) -> int:
-    """Samples of x in runs of RAIL or more at the very top or bottom of what occurs anywhere."""
+def _saturated(x: NDArray[np.float64], everywhere: NDArray[np.float64], step: float) -> int:
+    """Samples of x in runs of RAIL or more at the very top or bottom of what occurs anywhere, where a limit cut them
+    off. A smooth peak, y = -a t^2, that a converter's step rounds is a run as well: as far again beyond its ends it has
+    fallen by 9 steps at most, from 1 at half its length."""
     count = 0
     for extreme in (everywhere.min(initial=np.inf), everywhere.max(initial=-np.inf)):
-        count += sum(stop - start for start, stop in runs(x == extreme) if stop - start >= RAIL)
+        for start, stop in runs(x == extreme):
+            beyond = x[[max(2 * start - stop, 0), min(2 * stop - start - 1, len(x) - 1)]]
+            peak = step > 0 and start > 0 and stop < len(x) and np.abs(beyond - extreme).max() <= 9 * step
+            count += stop - start if stop - start >= RAIL and not peak else 0
     return count
 
 

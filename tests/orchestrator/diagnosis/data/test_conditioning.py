@@ -67,6 +67,13 @@ def test_a_channel_at_its_rail_counts_as_saturated() -> None:
     assert assess(motion() + noise(0.0, 0.3)).saturated == 0
 
 
+def test_a_smooth_peak_that_a_converter_rounds_is_not_called_saturated_and_one_that_is_cut_off_is() -> None:
+    wave = 2.7 * np.sin(2 * np.pi * np.arange(4000) / 2000)
+    step = 0.0059
+    assert assess(step * np.rint(wave / step)).saturated == 0
+    assert assess(step * np.rint(np.clip(wave, -2.6, 2.6) / step)).saturated > 100
+
+
 def test_samples_not_recorded_are_counted_and_do_not_disturb() -> None:
     x = motion() + noise(0.5, 0.3)
     x[2000:2300] = np.nan

@@ -18,6 +18,7 @@ from cobot_joint.diagnosis.plant.plant import Port, Signals
 ORDERS = tuple(float(n) for n in range(1, 49))  # periods per turn that are looked for
 BETWEEN = 12.0  # up to which one that is no whole number is looked for
 LOW = 2  # order, up to which a wave is tried though a shaft turns too little for a spectrum
+ARC = np.pi / 4  # rad of travel, over which they are seen: gravity on an elbow that goes from -1.2 to 1.4 rad
 FEW, MORE = 2, 4  # waves that are tried at every port, and at those where the residual points
 LOADS = 2  # of a unit's torques and currents that forms are made of
 COLLINEAR = 0.97  # correlation from which on two loads are one
@@ -122,10 +123,10 @@ class Dictionary:
 
     @property
     def low(self) -> list[Wave]:
-        """Low orders of which no window of a spectrum holds enough, and a recording half a period at least: of a shaft
-        that turns once or twice forms have to say."""
+        """Low orders of which no window of a spectrum holds enough, and a recording ARC at least: of a shaft that turns
+        once or twice, or of an arm that swings, forms have to say."""
         low = [(a, n) for _, (a, n), windows in self._spectra if windows == 0 and n <= LOW]
-        return list(dict.fromkeys((a, n) for a, n in low if n * self.travel(a) > np.pi))
+        return list(dict.fromkeys((a, n) for a, n in low if self.travel(a) > ARC))
 
     @cached_property
     def _spectra(self) -> list[tuple[float, Wave, float]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -74,6 +76,21 @@ def test_of_a_shaft_that_turns_too_little_for_a_spectrum_the_lowest_orders_are_t
     found.waves = [("Winkel", 10.0), ("Winkel", 11.0)]
     forms = {str(form) for form in found.first()}  # those that stand out keep their place (machine 179/9)
     assert {f"sin({n}*Winkel)" for n in (1, 2, 10, 11)} <= forms
+
+
+@pytest.mark.parametrize(("swings", "orders"), [(0.3, []), (0.6, [1.0, 2.0])])
+def test_of_an_arm_that_swings_the_lowest_orders_are_tried_as_gravity_has_them(
+    swings: float, orders: list[float]
+) -> None:
+    found = dictionary()
+    for outputs in found.outputs:
+        outputs["axis.Winkel"] = swings * np.sin(0.02 * np.arange(len(outputs["axis.Winkel"])))
+    angles = [outputs["axis.Winkel"] for outputs in found.outputs]
+    found.locals = {
+        name: replace(known, signals={**known.signals, "Winkel": angle})
+        for (name, known), angle in zip(found.locals.items(), angles, strict=True)
+    }
+    assert [n for _, n in found.low] == orders
 
 
 def test_a_form_reads_back_as_what_it_was_made_of_and_has_its_values() -> None:

@@ -49,7 +49,7 @@ def look_together(
     for start in starts:
         term = selector.round(Selection([start]))
         rest = without(problem, term.fit, _is_signal) if term.selected else None
-        if rest is None:
+        if rest is None or _too_little(problem, listed, start, term.fit, alone):
             continue
         found = look_at_ports(problem, rest, term.selected, say, thresholds.ALONE)
         if found is None or not found.is_likely or acts_where(found, rest, selector.scan.indistinguishable):
@@ -66,7 +66,9 @@ def _with_parameter(
     if not problem.unexplained(start.residual):
         return None
     free = leaves_least(problem, start, thresholds.WORTH_FITTING * problem.above(start.residual))
-    rest = without(problem, free, _is_signal) if free is not None else None
+    if free is None or _too_little(problem, listed, start, free, any(start is at for at in others)):
+        return None
+    rest = without(problem, free, _is_signal)
     found = look_at_ports(problem, rest, [], say, thresholds.ALONE) if rest is not None else None
     if found is None or rest is None or not found.is_likely or acts_where(found, rest, {}):
         return None
@@ -94,6 +96,13 @@ def _first_forms(problem: Problem, base: Fit) -> list[Fit]:
     begun = [(len(choice.columns), refit(problem, base, choice)) for choice in chosen]
     ordered = [(max(remains(problem, base, at)[1], 0.0) * forms, at) for forms, at in begun if at is not None]
     return [at for _, at in sorted(ordered, key=itemgetter(0))[:TRIED]]
+
+
+def _too_little(problem: Problem, listed: Selection, start: Fit, with_it: Fit, alone: bool) -> bool:
+    """Whether a search for other forms beside it cannot lead to a pair: forms and it leave half of what the base model
+    does, or, of a formula that may stand alone, half of what that leaves."""
+    before, forms, left = remains(problem, listed.history[0], start, with_it)
+    return left > thresholds.HOLDS * (forms if alone else before)
 
 
 def _both_needed(problem: Problem, listed: Selection, others: list[Fit], found: Unmodelled) -> bool:

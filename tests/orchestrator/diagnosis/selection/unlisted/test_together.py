@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from cobot_joint.diagnosis.explanation.explanation import Explanation, answer
 from cobot_joint.diagnosis.selection.outside import Outside
 from cobot_joint.diagnosis.selection.selection import Selection
 from cobot_joint.diagnosis.selection.stepwise import Selector
+from cobot_joint.diagnosis.selection.unlisted import together
 from cobot_joint.diagnosis.selection.unlisted.together import Pair, look_together
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled, look_at_ports
 from cobot_joint.diagnosis.store import Store
@@ -132,3 +135,26 @@ def test_a_listed_term_that_does_as_well_as_a_form_beside_a_parameter_is_the_ans
     assert found.confidence(problem) > 0.9
     assert found.fit.run.values["axis.windage.c"] == pytest.approx(2e-4, rel=0.1)
     assert not problem.unexplained(found.fit.residual)
+
+
+@pytest.mark.parametrize(
+    ("alone", "forms", "with_it", "too_little"),
+    [
+        pytest.param(True, 0.063, 0.052, True, id="an elbow with gravity, and a motor that warms up"),
+        pytest.param(True, 0.063, 0.021, False, id="what takes two thirds"),
+        pytest.param(False, 0.325, 0.194, False, id="machine 83/13, hysteresis beside a drag"),
+        pytest.param(False, 0.567, 0.293, False, id="machine 83/41, creep beside a drag"),
+        pytest.param(False, 0.9, 0.6, True, id="both leave most"),
+    ],
+)
+def test_no_other_forms_are_sought_beside_what_takes_too_little_for_a_pair(
+    monkeypatch: pytest.MonkeyPatch, alone: bool, forms: float, with_it: float, too_little: bool
+) -> None:
+    """The search takes hundreds of simulations."""
+    left = {"base": 1.0, "forms": forms, "both": with_it}
+    monkeypatch.setattr(together, "remains", lambda problem, *fits: [left[fit] for fit in fits])
+    listed: Any = SimpleNamespace(history=["base"])
+    nothing: Any = None
+    start: Any = "forms"
+    both: Any = "both"
+    assert together._too_little(nothing, listed, start, both, alone) == too_little

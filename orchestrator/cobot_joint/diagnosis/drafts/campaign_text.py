@@ -307,6 +307,8 @@ def _recording(entry: Entry) -> list[str]:
 
 
 def _tolerance(name: str, tolerance: str) -> str:
+    if tolerance.startswith("# "):
+        return f"# {_quoted(name)} = {tolerance.removeprefix('# ')}"
     if tolerance:
         return f"{_quoted(name)} = {tolerance}"
     return f"# {_quoted(name)} = [0.0, MOST]   # it is 0 in the system: give a range if your machine has any"

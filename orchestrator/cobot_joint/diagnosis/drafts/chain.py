@@ -40,6 +40,7 @@ class Part:
 
 
 FRICTION = {"friction.tau_C": "30 %", "friction.d": "30 %"}
+ASSUMED = "assumed"  # a damping, which no data sheet has
 STICKS: Mapping[str, Value] = {"friction.law": 2}  # as real dry friction does
 TURNS: Mapping[str, Value] = {"body.lead": 0.0, **STICKS}  # what it has of a mass hangs on its shaft
 UNLIMITED: Mapping[str, Value] = {"drive.v_max": 0.0, "drive.i_peak": 0.0, "drive.w_max": 0.0}  # none that we know of
@@ -70,7 +71,7 @@ PARTS: dict[str, Part] = {
         "planetary_gear", "gearhead", before=("phi", "w", "tau"), after=("phi_o", "w_o", "tau_s"), moves=("after",),
         data_sheet=("ratio.N", "mesh.eta", "mesh.c", "mesh.d_g", "mesh.b", "housing.J_coupled", "output.J_o",
                     "friction.tau_C", "friction.d"),
-        fits={"mesh.eta": "6 %", "mesh.c": "30 %", "mesh.b": "30 %"} | FRICTION,
+        fits={"mesh.eta": "6 %", "mesh.c": "30 %", "mesh.b": "30 %", "mesh.d_g": ASSUMED} | FRICTION,
     ),
     "harmonic": Part(
         "harmonic_drive", "harmonic drive", before=("phi", "w", "tau"), after=("phi_o", "w_o", "tau_s"),
@@ -78,28 +79,30 @@ PARTS: dict[str, Part] = {
         data_sheet=("ratio.N", "flex_spline.K_1", "flex_spline.K_2", "flex_spline.K_3", "flex_spline.T_1",
                     "flex_spline.T_2", "wave_generator.J_coupled", "load_friction.mu", "output.J_o",
                     "friction.tau_C", "friction.d"),
-        fits={"flex_spline.K_1": "30 %", "load_friction.mu": "30 %"} | FRICTION,
+        fits={"flex_spline.K_1": "30 %", "load_friction.mu": "30 %", "flex_spline.d_g": ASSUMED} | FRICTION,
     ),
     "cycloidal": Part(
         "cycloidal_drive", "cycloidal drive", before=("phi", "w", "tau"), after=("phi_o", "w_o", "tau_s"),
         moves=("after",),
         data_sheet=("ratio.N", "mesh.K_1", "mesh.K_2", "mesh.T_1", "eccentric.J_coupled", "load_friction.mu",
                     "output.J_o", "friction.tau_C", "friction.d"),
-        fits={"mesh.K_2": "30 %", "load_friction.mu": "30 %"} | FRICTION,
+        fits={"mesh.K_2": "30 %", "load_friction.mu": "30 %", "mesh.d_g": ASSUMED} | FRICTION,
     ),
     "elastic": Part(
         "series_elastic", "series elastic element", before=("phi_o", "w_o", "tau_s"), after=("phi_p", "w_p", "tau_s"),
         data_sheet=("spring.c", "spring.d", "stop.e_max", "reading.c_r"),
-        shows={"tau_sensor": ("tau_reading", "torque read from the deflection")}, fits={"spring.c": "10 %"},
+        shows={"tau_sensor": ("tau_reading", "torque read from the deflection")},
+        fits={"spring.c": "10 %", "spring.d": ASSUMED},
     ),
     "sensor": Part(
         "torque_sensor", "torque sensor", before=("phi_o", "w_o", "tau_s"), after=("phi_p", "w_p", "tau_s"),
         data_sheet=("shaft.c_s", "shaft.d_s", "amplifier.tau_rated"),
-        shows={"tau_sensor": ("tau_reading", "the torque sensor's reading")},
+        shows={"tau_sensor": ("tau_reading", "the torque sensor's reading")}, fits={"shaft.d_s": ASSUMED},
     ),
     "shaft": Part(
         "torque_sensor", "shaft or coupling", before=("phi_o", "w_o", "tau_s"), after=("phi_p", "w_p", "tau_s"),
         data_sheet=("shaft.c_s", "shaft.d_s"), values={"shaft.c_s": 20.0, "shaft.d_s": 0.01},
+        fits={"shaft.d_s": ASSUMED},
     ),
     "load": Part(
         "driven_load", "turning load", before=("phi", "w", "tau"), moves=("before",), data_sheet=BODY,
@@ -278,9 +281,11 @@ def _parameter(key: str, wanted: str, unit: Unit) -> str:
 
 def tolerances(component: Component, fits: Mapping[str, str]) -> dict[str, str]:
     """Parameter -> how far off, as TOML; also of w_C, where dry friction changes its sign over it: no data sheet has
-    that. "" where the parameter is 0: only whoever knows the machine can give a range."""
+    that. "" where the parameter is 0: only whoever knows the machine can give a range. After #, what is only offered:
+    damping, which the recordings of a machine without a resonance do not tell."""
     nominal = {n: float(component.parameters.get(n, component.unit.variables[n].start) or 0.0) for n in fits}
-    lines = {n: f'"{off}"' if nominal[n] != 0.0 else "" for n, off in fits.items()}
+    offered = '# "50 %"   # damping, on no data sheet: let it vary if a resonance shows'
+    lines = {n: "" if nominal[n] == 0.0 else offered if off == ASSUMED else f'"{off}"' for n, off in fits.items()}
     if component.parameters.get("drive.mode") == CURRENT_MODE:  # its loop gives whatever voltage the current takes
         lines.pop("winding.R", None)
     if lines.get("friction.tau_C") and component.parameters.get("friction.law") != STICKS["friction.law"]:

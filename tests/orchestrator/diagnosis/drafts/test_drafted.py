@@ -169,3 +169,15 @@ def test_an_angle_whose_speed_is_used_is_offered_to_the_same_part_first_and_to_n
     assert line.startswith('# "knee_angle [rad]" = "load.phi"   # not used; it could be load.phi, ')
     assert "delta_add" not in line
     assert '"u_cmd_V [V]" = "v_command"' in text
+
+
+@pytest.mark.parametrize(
+    ("part", "damping"), [("gear", "mesh.d_g"), ("harmonic", "flex_spline.d_g"), ("elastic", "spring.d")]
+)
+def test_damping_that_is_on_no_data_sheet_is_offered_and_does_not_vary_unasked(
+    tmp_path: Path, cobot_joint: Callable[..., Done], part: str, damping: str
+) -> None:
+    chain = "motor,gear,elastic,load" if part == "elastic" else f"motor,{part},load"
+    assert cobot_joint("new", "--chain", chain, "--out", "axis").returncode == 0
+    lines = (tmp_path / "axis/campaign.toml").read_text().splitlines()
+    assert f'# "{part}.{damping}" = "50 %"   # damping, on no data sheet: let it vary if a resonance shows' in lines

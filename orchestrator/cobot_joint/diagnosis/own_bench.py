@@ -75,7 +75,7 @@ def inspect(
         given = {key: value for key, value in asked.items() if value is not None}
         given |= {"table": "rows"} if found[0].table else {}
         for words in _first_campaign(folder, system, logs, found, given):
-            console.print(words, soft_wrap=True)
+            console.print(escape(words), soft_wrap=True)
 
 
 def _show(path: Path, i: Inspection) -> None:

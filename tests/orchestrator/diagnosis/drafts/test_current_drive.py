@@ -60,7 +60,10 @@ def test_a_draft_that_nothing_drives_is_said_to_lack_an_input(tmp_path: Path, co
     np.savetxt(tmp_path / "a.csv", np.column_stack([T, np.sin(9 * T)]), delimiter=",", header="t [s],n [rpm]")
     assert cobot_joint("new", "--chain", "motor,load", "--out", "m").returncode == 0
     done = cobot_joint("inspect", "a.csv", "--system", "m/system.ssd", "--out", "f")
-    assert "no column is an input of the system: `diagnose` needs one for v_command, or a start" in done.stdout
+    assert (
+        "no column is an input of the system: `diagnose` needs one for v_command, or a start in [initial]\n"
+        in done.stdout
+    )
     done = cobot_joint("inspect", "a.csv", "--system", "f/campaign.toml", "--out", "g")
     assert (done.returncode, "--system f/campaign.toml is given, a campaign" in done.stderr) == (2, True)
 

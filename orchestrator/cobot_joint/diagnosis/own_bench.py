@@ -158,7 +158,8 @@ def _first_campaign(
     nominal = nominal_beside(own, guesses)
     drafted = Columns(guesses, wanted, left, percent, unusable, nominal, starts(own, guesses))
     entries = as_table(own, guesses, [i.log for i in found], Entry(files, given=given)) or one_each(files, given)
-    path.write_text(campaign_text(logs[0].stem, named, entries, drafted, tolerances), encoding="utf-8")
+    title = logs[0].stem if len(logs) == 1 else logs[0].resolve().parent.name or logs[0].stem
+    path.write_text(campaign_text(title, named, entries, drafted, tolerances), encoding="utf-8")
     return [str(path), *_nothing_drives(own, [g.connector for g in guesses])]
 
 

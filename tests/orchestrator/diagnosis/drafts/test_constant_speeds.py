@@ -39,6 +39,7 @@ def test_logs_at_one_speed_each_are_drafted_as_a_table_of_which_every_fourth_spe
     monkeypatch.chdir(machine)
     drafted(cobot_joint, *(f"{k}.csv" for k in range(len(SPEEDS))))
     campaign = load_campaign(machine / "first/campaign.toml")
+    assert campaign.title == machine.name  # not that of one log
     (fitted,), (held_out,) = campaign.train, campaign.holdout
     assert np.isfinite(fitted.outputs["tau"]).sum() == 12
     speeds = held_out.inputs["w"][np.isfinite(held_out.outputs["tau"])]

@@ -39,7 +39,8 @@ def test_a_channel_is_told_with_the_gain_and_offset_of_its_log(channel: str, gai
         told = found.told(problem)
         assert told.channel == channel
         assert told.gain.value == pytest.approx(gain, rel=0.03)
-        assert told.offset.value == pytest.approx(offset, rel=0.03, abs=0.01 * found.reading.reach)
+        # a brake's idle torque, inside its tolerance, takes about a hundredth of the reach, on one machine or the next
+        assert told.offset.value == pytest.approx(offset, rel=0.03, abs=0.015 * found.reading.reach)
         assert told.gain.ci95[0] < told.gain.value < told.gain.ci95[1]
 
 

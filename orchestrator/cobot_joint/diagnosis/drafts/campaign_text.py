@@ -36,6 +36,7 @@ SUFFIXES = {
     "deg_s": "deg/s", "degs": "deg/s", "dps": "deg/s", "nm": "N.m", "mnm": "mN.m", "ncm": "N.cm", "mA": "mA",
     "mV": "mV", "mm": "mm", "um": "um", "mm_s": "mm/s",
 }  # fmt: skip
+QUANTITIES = {COMMAND, ACTUAL, "w", "phi", "tau", "i", "v", "s"}  # words that say what a column is, not whose
 WORDED = {"A": "i", "V": "v"}  # at the end of the name of such a quantity: `motor_current_A`, not `phase_A`
 # in a compound, which German writes in one word: Sollposition, Positionssollwert, Istdrehzahl, Stromistwert
 GERMAN = re.compile(r"(soll|ist)wert|(?:^|(?<=[\W_]))(soll|ist)(?=[a-z])")
@@ -67,9 +68,7 @@ class Columns:
     guesses: Sequence[Guess]
     lacking: Sequence[Lacking] = ()
     left: Mapping[str, Sequence[str]] = field(default_factory=dict)  # column that is not used -> what it could be
-    percent: Mapping[str, Connector] = field(
-        default_factory=dict
-    )  # column in % that is not used -> what it could be of
+    percent: Mapping[str, Connector] = field(default_factory=dict)  # column in % that is not used -> what it could be
     unusable: Mapping[str, str] = field(default_factory=dict)  # column -> why
     nominal: Mapping[str, float] = field(default_factory=dict)  # `component.parameter` -> value that follows from them
     starts: Mapping[str, str] = field(default_factory=dict)  # `component.variable` -> the connector that shows it
@@ -238,7 +237,7 @@ def is_error_of_angle(connector: Connector) -> bool:
 
 def _own_words(name: str) -> set[str]:
     """Those of a name that say whose it is, not what."""
-    return set(_words(name)) - {*WORDS.values(), *SUFFIXES, *(unit.lower() for unit in WORDED)}
+    return set(_words(name)) - {*QUANTITIES, *SUFFIXES, *(unit.lower() for unit in WORDED)}
 
 
 def _header(column: Channel) -> str:
@@ -277,7 +276,8 @@ def _likeness(column: str, connector: str) -> float:
 def campaign_text(
     title: str, system: str, entries: Sequence[Entry], columns: Columns, tolerances: Mapping[str, str] | None = None
 ) -> str:
-    """campaign.toml with its guesses marked. tolerances: as TOML, "" for a parameter that is 0."""
+    """campaign.toml with its guesses marked. tolerances: as TOML, "" for a parameter that is 0, after "# "
+    where it is only offered."""
     lines = [f"title = {_quoted(title)}", f"system = {_quoted(system)}", "", *_channels(columns)]
     if columns.nominal:
         lines += ["", "[parameters]   # guess: a measured current is what flows, whatever the drive's loop does"]

@@ -127,6 +127,7 @@ def test_the_file_says_what_every_value_is_and_in_which_unit(tmp_path: Path) -> 
         ("motor", {"gear.N": "100"}, "--set gear.N: there is no such part, the chain has motor"),
         ("motor", {"motor.k_M": "3 V"}, "unit 'V' is given, one that converts to 'N.m/A' is needed"),
         ("motor", {"motor.weight": "3"}, "there is no such parameter; its data sheet has drive.i_peak"),
+        ("load", {"load.gravity": "9.81"}, "any other of the unit is allowed too, as gravity.g"),
         ("motor", {"motor.R": "much"}, "--set: motor.winding.R"),
     ],
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +15,7 @@ from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.diagnosis.data.recording import Connector
 from cobot_joint.diagnosis.drafts.campaign_text import guess
+from cobot_joint.errors import UserError
 from tests.orchestrator.diagnosis.typed import Done
 
 T = 1e-3 * np.arange(2000)
@@ -97,3 +99,14 @@ def test_a_speed_that_is_alone_is_the_motors(columns: list[str], found: dict[str
     speeds = {n: Connector(n, "output", "rad/s") for n in ("w_motor", "w_load")}
     logged = [Channel(n, "rpm", np.zeros(0), np.zeros(0)) for n in columns]
     assert {g.connector: g.column.name for g in guess(logged, speeds)} == found
+
+
+def test_a_scale_with_a_unit_on_a_column_without_one_says_what_to_write(
+    tmp_path: Path, cobot_joint: Callable[..., Done]
+) -> None:
+    drafted(tmp_path, cobot_joint, {"I": 1.5, "n_motor [rpm]": 1200.0})
+    text = (tmp_path / "f/campaign.toml").read_text()
+    channels = 'n_motor = "w_motor"\nI = { to = "v_command", scale = "1 V/A" }\n'
+    (tmp_path / "f/campaign.toml").write_text(re.sub(r"(?s)\[channels\].*?\n\n", f"[channels]\n{channels}\n", text))
+    with pytest.raises(UserError, match=r'the column has no unit: "I \[UNIT\]" gives it one'):
+        load_campaign(tmp_path / "f/campaign.toml")

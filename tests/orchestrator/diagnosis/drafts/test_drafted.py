@@ -159,7 +159,7 @@ def test_an_angle_whose_speed_is_used_is_offered_to_the_same_part_first_and_to_n
 ) -> None:
     t = np.arange(400) * 1e-2
     columns = {"t [s]": t, "u_cmd_V": np.sin(t), "n_mot [rad/s]": 9 * np.sin(t), "knee_speed [rad/s]": np.sin(t)}
-    columns["knee_angle [rad]"] = np.cos(t)
+    columns |= {"knee_angle [rad]": np.cos(t), "mot_angle [rad]": 9 * np.cos(t)}
     table = np.column_stack([*columns.values()])
     np.savetxt(tmp_path / "run.csv", table, delimiter=",", header=",".join(columns), comments="")
     assert cobot_joint("new", "--chain", "motor,gear,shaft,load", "--out", "knee").returncode == 0
@@ -168,6 +168,7 @@ def test_an_angle_whose_speed_is_used_is_offered_to_the_same_part_first_and_to_n
     (line,) = (line for line in text.splitlines() if "knee_angle" in line)
     assert line.startswith('# "knee_angle [rad]" = "load.phi"   # not used; it could be load.phi, ')
     assert "delta_add" not in line
+    assert '# "mot_angle [rad]" = "motor.phi"   # not used' in text
     assert '"u_cmd_V [V]" = "v_command"' in text
 
 

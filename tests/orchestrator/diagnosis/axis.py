@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from ctypes import CDLL, POINTER, c_double, c_size_t
 from dataclasses import replace
-from math import sin, tanh
+from functools import cache
+from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+import pytest
+from numpy.ctypeslib import ndpointer
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
@@ -59,8 +68,33 @@ PUSH = term(
 OFFSET = TermCandidate("sensor.offset", "sensor.offset.y_0", 0.0, -5.0, 5.0, "rad/s")
 
 
+# what axis.c takes, in its order, and what each is where it is not given
+USED = {"J": 0.0, "k": 0.0, "d": 0.0, "tau_C": 0.0, "windage.c": 0.0, "asymmetry.tau_A": 0.0} | {
+    "cogging.A": 0.0, "cogging.n": 1.0, "cogging.phi_0": 0.0, "stribeck.tau_S": 0.0, "stribeck.w_S": 1.0
+}  # fmt: skip
+
+
+@cache
+def compiled() -> Callable[..., int]:
+    """The function of axis.c: diagnoses simulate the axis some hundred times. Skips where no compiler is."""
+    compiler = os.environ.get("CC") or next((c for c in ("cc", "gcc", "clang") if shutil.which(c)), None)
+    if compiler is None:
+        pytest.skip("no C compiler for the axis")
+    with TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        library = Path(folder) / "axis.so"
+        flags = ["-std=c11", "-O2", "-shared", *([] if sys.platform == "win32" else ["-fPIC"])]
+        source = Path(__file__).with_suffix(".c")
+        subprocess.run([*compiler.split(), *flags, str(source), "-o", str(library), "-lm"], check=True)
+        function = CDLL(str(library)).axis
+    array = ndpointer(np.float64, flags="C")
+    function.argtypes = [
+        POINTER(c_double), c_double, c_double, POINTER(c_size_t), array, array, c_size_t, c_size_t, array, array
+    ]  # fmt: skip
+    return function  # type: ignore[no-any-return]
+
+
 class Axis:
-    """J dw/dt = k u - tau_C tanh(w/0.5) - d w - terms + tau_add, dphi/dt = w; Euler at the recording's step."""
+    """A rotating axis in a torque, with terms (see axis.c)."""
 
     inputs = ()
     ports = (Port("axis.tau_add", "N.m", ("axis.phi", "axis.w"), ("axis.phi",)),)
@@ -88,29 +122,19 @@ class Axis:
         self.runs += 1
         v = {**NOMINAL, **values}
         u = recording.inputs["u"]
-        tau_add = (added or {}).get("axis.tau_add", np.zeros(len(u)))
-        c, tau_A, A = (v.get(f"axis.{n}", 0.0) for n in ("windage.c", "asymmetry.tau_A", "cogging.A"))
-        n, phi_0 = v.get("axis.cogging.n", 1.0), v.get("axis.cogging.phi_0", 0.0)
-        tau_S, w_S = v.get("axis.stribeck.tau_S", 0.0), v.get("axis.stribeck.w_S", 1.0)
+        tau = (added or {}).get("axis.tau_add", np.zeros(len(u)))
         t_0, T_d = v.get("axis.push.t_0", 0.0), v.get("axis.push.T_d", 0.0)
         covered = np.clip(t_0 + T_d - recording.time, 0, STEP) - np.clip(t_0 - recording.time, 0, STEP)
-        push = v.get("axis.push.T", 0.0) * covered / STEP  # of each step, the part that it acts in
-        late = {name: round(t / STEP) for name, t in (onsets or {}).items()}
-        from_A, from_c = (late.get(f"axis.{n}", 0) for n in ("cogging.A", "windage.c"))
+        tau = tau + v.get("axis.push.T", 0.0) * covered / STEP  # of each step, the part that it acts in
         phases = {round(t / STEP): fed_back for t, fed_back in (courses or {}).get("axis.cogging.phi_0", ())}
-        phi = w = 0.0
-        out = np.empty((len(u), 2))
-        for j in range(len(u)):
-            out[j] = phi, w
-            phi_0 = phases[j].of(phi) if j in phases else phi_0
-            s = tanh(w / 0.5)
-            tau = v["axis.tau_C"] * s + v["axis.d"] * w + tau_A * s * s
-            tau += c * w * abs(w) if j >= from_c else 0.0
-            tau += tau_S * np.exp(-((w / w_S) ** 2)) * s
-            tau += A * sin(n * phi + phi_0) if j >= from_A else 0.0
-            w += STEP * (v["axis.k"] * u[j] - tau + tau_add[j] + push[j]) / v["axis.J"]
-            phi += STEP * out[j, 1]
-            if abs(w) > FASTEST:
+        x, out = np.zeros(2), np.empty((len(u), 2))
+        turns = [0, *sorted(j for j in phases if 0 < j < len(u)), len(u)]
+        for start, end in pairwise(turns):
+            if start in phases:
+                v["axis.cogging.phi_0"] = phases[start].of(x[0])
+            parameters = (c_double * len(USED))(*(v.get(f"axis.{name}", none) for name, none in USED.items()))
+            late = [round((onsets or {}).get(f"axis.{name}", 0.0) / STEP) for name in ("cogging.A", "windage.c")]
+            if not compiled()(parameters, STEP, FASTEST, (c_size_t * 2)(*late), u * 1.0, tau, start, end, x, out):
                 raise SimulationError("the axis runs away")
         return {"w": out[:, 1] + v.get("sensor.offset.y_0", 0.0), "axis.phi": out[:, 0], "axis.w": out[:, 1]}
 

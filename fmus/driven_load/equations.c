@@ -21,6 +21,7 @@ static void unit_equations(Unit *m) {
 
   const double slope = lead != 0 ? lead * sin(m->gravity_slope) : 0;
   m->tau_g = mass != 0 ? mass * m->gravity_g * (r * sin(m->phi + m->gravity_phi_0) + slope) : 0;
+  if (m->imbalance_G != 0) m->tau_g += m->imbalance_G * sin(m->phi + m->imbalance_phi_0);
   m->tau_f = friction(m, w, 0);
   if (m->viscous_asymmetry_d_A != 0) m->tau_f += fmax(m->viscous_asymmetry_d_A * copysign(1, w), -viscous(m, w)) * w;
 

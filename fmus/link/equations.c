@@ -19,6 +19,7 @@ static inline double on_the_link(const Unit *m) {
 static void unit_equations(Unit *m) {
   m->J = m->arm_J_l + m->arm_m * square(m->arm_r);
   m->tau_g = m->arm_m * m->arm_g * m->arm_r * sin(m->phi_p + m->arm_phi_0);
+  if (m->imbalance_G != 0) m->tau_g += m->imbalance_G * sin(m->phi_p + m->imbalance_phi_0);
   m->tau_c = wall(m);
   const double hand = positive(m->tau_h) * sgn(m->w_p, m->hand_w_h), tau_f = friction(m, m->w_p, 0);
 

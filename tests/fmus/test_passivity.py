@@ -107,7 +107,7 @@ def cycloidal(p: Point) -> list[float]:
 def elastic(p: Point) -> list[float]:
     e = p["phi_o"] - p["phi_p"]
     stop = p["stop.c_stop"] * max(0.0, abs(e) - p["stop.e_max"]) * np.sign(e)
-    spring = p["spring.c"] * e * (1 + p["spring.h"] * e**2) + stop
+    spring = p["spring.c"] * e * (1 + p["stiffness_hardening.h"] * e**2) + stop
     return [p["tau_s"] * p["w_o"], -p["tau_s"] * p["w_p"], -spring * (p["w_o"] - p["w_p"])]
 
 
@@ -115,6 +115,7 @@ def link(p: Point) -> list[float]:
     w, e = p["w_p"], max(0.0, p["phi_p"] - p["wall.phi_c"])
     J = p["arm.J_l"] + p["arm.m"] * p["arm.r"] ** 2
     weight = p["arm.m"] * p["arm.g"] * p["arm.r"] * np.sin(p["phi_p"] + p["arm.phi_0"])
+    weight += p["imbalance.G"] * np.sin(p["phi_p"] + p["imbalance.phi_0"])
     return [(p["tau_s"] + p["tau_add"]) * w, -J * w * p.rates["w_p"], -weight * w, -p["wall.k"] * e * w, -bristles(p)]
 
 

@@ -69,6 +69,19 @@ def test_pendulum_swings_with_its_natural_frequency(run: Run) -> None:
     np.testing.assert_allclose(out["phi"], 0.01 * np.cos(omega * out["time"]), atol=5e-5)
 
 
+def test_imbalance_swings_as_the_pendulum_of_its_torque(run: Run) -> None:
+    out = run(2.0, phi=0.01 - 0.3, body__J=5e-3, imbalance__G=0.5, imbalance__phi_0=0.3)
+    omega = np.sqrt(0.5 / 5e-3)
+    np.testing.assert_allclose(out["phi"] + 0.3, 0.01 * np.cos(omega * out["time"]), atol=5e-5)
+    np.testing.assert_allclose(out["tau_g"], 0.5 * np.sin(out["phi"] + 0.3), atol=1e-12)
+
+
+def test_friction_at_rest_holds_what_an_imbalance_pulls(run: Run) -> None:
+    held = {"phi": 0.2, "imbalance__G": 0.5, "friction__law": 2}
+    assert run(2.0, friction__tau_C=0.1, **held)["phi"][-1] == 0.2  # 0.099 N.m
+    assert run(2.0, friction__tau_C=0.09, **held)["phi"][-1] < 0.2
+
+
 def test_pendulum_hangs_at_its_angle_of_zero_torque(run: Run) -> None:
     out = run(0.01, phi=-0.3, body__m=0.5, body__r=0.1, gravity__g=9.81, gravity__phi_0=0.3)
     np.testing.assert_allclose(out["tau_g"], 0, atol=1e-12)

@@ -26,6 +26,15 @@ def test_small_swings_have_the_period_of_the_physical_pendulum(make: Make) -> No
     np.testing.assert_allclose(run["phi_p"], 1e-3 * np.cos(np.sqrt(M * G * R / J) * run["time"]), atol=1e-6)
 
 
+def test_imbalance_is_the_gravity_of_what_else_hangs_there(make: Make) -> None:
+    phi, phi_0 = 0.4, 0.3
+    arm = make("link", {"phi_p": phi, "imbalance.G": 0.8, "imbalance.phi_0": phi_0, **FREE})
+    assert arm["tau_g"] == pytest.approx(M * G * R * np.sin(phi) + 0.8 * np.sin(phi + phi_0), rel=1e-12)
+    upright = {"phi_p": 1e-3 - phi_0, "arm.g": 0.0, "imbalance.G": 0.8, "imbalance.phi_0": phi_0, **FREE}
+    run = make("link", upright, tolerance=1e-9).run(3.0, 1e-2, ["phi_p"])
+    np.testing.assert_allclose(run["phi_p"] + phi_0, 1e-3 * np.cos(np.sqrt(0.8 / J) * run["time"]), atol=1e-6)
+
+
 @pytest.mark.parametrize("phi", [-1.0, 0.5, 2.0])
 def test_gravity_is_carried_by_its_torque(make: Make, phi: float) -> None:
     arm = make("link", {"phi_p": phi, **FREE})

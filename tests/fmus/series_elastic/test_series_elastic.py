@@ -24,7 +24,7 @@ def test_torque_is_that_of_spring_damper_hardening_and_stop(make: Make, sign: in
     spring = make("series_elastic", {"phi_o": 0.3, "phi_p": 0.3 - sign * 0.1, "w_o": 2.0, "w_p": 0.5})
     assert spring["tau_s"] == pytest.approx(sign * 0.1 * C + 1.5 * D, rel=1e-12)
     assert not spring["at_stop"]
-    hard = make("series_elastic", {"phi_o": sign * 0.1, "spring.h": 20.0})
+    hard = make("series_elastic", {"phi_o": sign * 0.1, "stiffness_hardening.h": 20.0})
     assert hard["tau_s"] == pytest.approx(sign * C * 0.1 * (1 + 20 * 0.01), rel=1e-12)
     beyond = make("series_elastic", {"phi_o": sign * 0.21})
     assert beyond["tau_s"] == pytest.approx(sign * (0.21 * C + 0.01 * 2e4), rel=1e-9)
@@ -39,10 +39,15 @@ def test_reading_is_the_deflection_that_the_encoder_counts(make: Make) -> None:
     assert make("series_elastic", {"phi_o": e})["tau_reading"] == pytest.approx(C * e, rel=1e-12)
 
 
+def test_offset_is_read_without_a_deflection_and_is_no_torque(make: Make) -> None:
+    zero = make("series_elastic", {"offset.tau_0": 0.7})
+    assert (zero["tau_reading"], zero["tau_s"]) == (0.7, 0.0)
+
+
 def test_what_the_spring_takes_in_a_cycle_is_the_dampers(make: Make) -> None:
     """pi d omega A^2 per period"""
     A, omega = 0.05, 40.0
-    spring = make("series_elastic", {"spring.h": 30.0}, tolerance=1e-9)
+    spring = make("series_elastic", {"stiffness_hardening.h": 30.0}, tolerance=1e-9)
     period = 2 * np.pi / omega
     signals = {"phi_o": lambda t: A * np.sin(omega * t), "w_o": lambda t: A * omega * np.cos(omega * t)}
     run = spring.run(2 * period, period / 2000, ["W_in"], signals)

@@ -43,7 +43,7 @@ def furthest(result: Result, exact: Result) -> float:
 
 @pytest.fixture(scope="module")
 def exact(foreign_gear: MakeGear) -> Result:
-    return simulate(joint(foreign_gear()), replace(loaded(), scheme="gauss_seidel_extrapolated", step=1e-3 / 128))
+    return simulate(joint(foreign_gear()), replace(loaded(), scheme="gauss_seidel_extrapolated", step=1e-3 / 64))
 
 
 @pytest.mark.parametrize("can", [{}, {"canGetAndSetFMUstate": True}, {"canHandleVariableCommunicationStepSize": False}])

@@ -63,6 +63,7 @@ class Recording:
     path: Path | None = None
     scatter: dict[str, float] = field(default_factory=dict)  # of a table: 1 sigma per output; time is no time then
     left_out: list[LeftOut] = field(default_factory=list)
+    coarse: bool = False  # whether longer steps of an integrator make no difference to what is compared
 
     @property
     def step(self) -> float:

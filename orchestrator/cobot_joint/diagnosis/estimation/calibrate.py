@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit
 from cobot_joint.diagnosis.estimation.multiscale import out_of_local_minimum
 from cobot_joint.diagnosis.estimation.noise import Noise
-from cobot_joint.diagnosis.estimation.problem import Problem, Run, Vector
+from cobot_joint.diagnosis.estimation.problem import Problem, Run, Simulated, Vector
 from cobot_joint.diagnosis.plant.knots import on_fewer_knots
 from cobot_joint.diagnosis.plant.plant import Plant, SimulationError
 from cobot_joint.diagnosis.store import Store
@@ -31,17 +31,18 @@ Progress = Callable[[str], None]
 
 def calibrate(campaign: Campaign, plant: Plant, say: Progress, store: Store) -> tuple[Problem, Fit]:
     """The problem, and the base model re-fitted inside its tolerances with nothing added."""
-    problem = Problem(plant, campaign.train, noises(campaign))
+    given = Problem(plant, campaign.train, noises(campaign))
     bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
+    base = Hypothesis(tolerances(given, bounds))
+    problem = with_long_steps(given, base.run(base.start()))
     watched(problem, say)("re-fitting the base model inside its tolerances")
-    base = Hypothesis(tolerances(problem, bounds))
     calibrated = store.remember("calibrated", told(campaign), lambda: _calibrated(problem, base))
-    quiet = with_quiet_inputs(problem, calibrated.run)
-    if quiet is not problem:
-        watched(quiet, say)("re-fitting the base model, measured inputs on fewer knots")
+    quiet = with_quiet_inputs(with_long_steps(given, calibrated.run), calibrated.run)
+    if _as_simulated(quiet) != _as_simulated(problem):
+        watched(quiet, say)("re-fitting the base model, measured inputs simulated more coarsely")
         start = calibrated.x
         again = store.remember("calibrated, inputs quiet", (told(campaign), start), lambda: refit(quiet, base, start))
-        problem, calibrated = (quiet, again) if again is not None else (problem, calibrated)
+        problem, calibrated = (quiet, again) if again is not None else (given, calibrated)
     off = left_of_each(problem, calibrated)
     if drifting := drifts(problem, off, campaign.told):
         weighed, start = Problem(plant, problem.recordings, problem.noise | drifting), calibrated.x
@@ -53,6 +54,18 @@ def calibrate(campaign: Campaign, plant: Plant, say: Progress, store: Store) -> 
     return problem, calibrated
 
 
+def with_long_steps(problem: Problem, run: Run) -> Problem:
+    """With longer steps of the integrator where that makes no difference to what is compared: it stops where an input
+    turns, noise turns at every sample, and from one to the next its error asked for up to eight steps. The problem
+    itself where no input has such noise. run: at which that is asked."""
+    if problem.is_table or not any(_noisy_inputs(r) for r in problem.recordings):
+        return problem
+    (followed,) = problem.simulate([run])
+    tried = [replace(r, coarse=True) if _noisy_inputs(r) else r for r in problem.recordings]
+    same = _unfelt(problem, followed, tried, run)
+    return _of(problem, _where(same, tried, problem.recordings))
+
+
 def with_quiet_inputs(problem: Problem, run: Run) -> Problem:
     """With measured inputs on as few knots as make no difference to what is compared: a simulation that follows the
     noise of a current from sample to sample takes up to five times as long, and says the same. The problem itself where
@@ -60,21 +73,38 @@ def with_quiet_inputs(problem: Problem, run: Run) -> Problem:
     if problem.is_table or not any(_noisy_inputs(r) for r in problem.recordings):
         return problem
     (followed,) = problem.simulate([run])
-    if followed is None:
-        return problem
-    quiet, least = list(problem.recordings), UNFELT * problem.evidence / len(problem.recordings)
+    quiet = list(problem.recordings)
     for every in KNOTS:
         tried = [_on_fewer_knots(r, every) for r in problem.recordings]
-        (found,) = Problem(problem.plant, tried, problem.noise).simulate([run])
-        if found is None:
-            break
-        off = (followed.white - found.white) ** 2
-        same = [float(off[problem.rows_of([n])].sum()) < least for n in range(len(tried))]
+        same = _unfelt(problem, followed, tried, run)
         if not any(same):
             break
-        quiet = [new if alike else old for new, old, alike in zip(tried, quiet, same, strict=True)]
-    changed = any(new is not old for new, old in zip(quiet, problem.recordings, strict=True))
-    return Problem(problem.plant, quiet, problem.noise) if changed else problem
+        quiet = _where(same, tried, quiet)
+    return _of(problem, quiet)
+
+
+def _unfelt(problem: Problem, followed: Simulated | None, tried: Sequence[Recording], run: Run) -> list[bool]:
+    """Of each recording, whether what is compared stays the same if it is simulated like this. followed: how it is."""
+    (found,) = _of(problem, tried).simulate([run])
+    if followed is None or found is None:
+        return [False for _ in tried]
+    off, least = (followed.white - found.white) ** 2, UNFELT * problem.evidence / len(tried)
+    return [float(off[problem.rows_of([n])].sum()) < least for n in range(len(tried))]
+
+
+def _where(same: Sequence[bool], new: Sequence[Recording], old: Sequence[Recording]) -> list[Recording]:
+    return [x if alike else y for alike, x, y in zip(same, new, old, strict=True)]
+
+
+def _of(problem: Problem, recordings: Sequence[Recording]) -> Problem:
+    """The problem with others in place of its recordings; itself where these are the same."""
+    same = all(new is old for new, old in zip(recordings, problem.recordings, strict=True))
+    return problem if same else Problem(problem.plant, recordings, problem.noise)
+
+
+def _as_simulated(problem: Problem) -> list[tuple[bool, list[int]]]:
+    """Per recording: whether with longer steps, and which arrays go in."""
+    return [(r.coarse, [id(x) for x in r.inputs.values()]) for r in problem.recordings]
 
 
 def _noisy_inputs(recording: Recording) -> list[str]:

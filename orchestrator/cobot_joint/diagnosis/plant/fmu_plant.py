@@ -34,6 +34,7 @@ from cobot_joint.system.wiring import ADDITIVE
 from cobot_joint.units import Shape, Term, Unit
 
 FASTEST = replace(MONOLITHIC, pace=2e4)  # 1/s; there units that step themselves take as long
+COARSE = replace(FASTEST, tolerance=16 * FASTEST.tolerance)
 MOTION, LOADS = ("rad", "rad/s", "m", "m/s"), ("N.m", "N", "A")  # units of measure
 
 
@@ -117,7 +118,7 @@ class FmuPlant:
                 )
                 if simulation.is_one_system:
                     with suppress(UnfitError):  # units step themselves then: faster, or the only way
-                        return run(scheme=FASTEST)
+                        return run(scheme=COARSE if recording.coarse else FASTEST)
                 return run()
             except SimulationError as error:
                 if isinstance(error, UnitEndedError):

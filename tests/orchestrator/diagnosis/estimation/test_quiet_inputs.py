@@ -7,17 +7,19 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from cobot_joint.cosim import Experiment, Simulation
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.data.recording import Recording
-from cobot_joint.diagnosis.drafts.chain import chain
-from cobot_joint.diagnosis.estimation.calibrate import noises, with_quiet_inputs
+from cobot_joint.diagnosis.drafts.chain import CURRENT_MODE, chain
+from cobot_joint.diagnosis.estimation.calibrate import noises, with_long_steps, with_quiet_inputs
 from cobot_joint.diagnosis.estimation.problem import Problem, Run
+from cobot_joint.diagnosis.plant.fmu_plant import COARSE, FASTEST
 from cobot_joint.diagnosis.plant.knots import on_fewer_knots
 from cobot_joint.diagnosis.plant.plant import Signals
 from cobot_joint.system.model import Inputs
-from tests.orchestrator.diagnosis.axis import OFF, Axis, campaign
+from tests.orchestrator.diagnosis.axis import NOISE, OFF, Axis, campaign
 
 
 def measured(sigma: float, plant: Axis) -> Problem:
@@ -27,12 +29,51 @@ def measured(sigma: float, plant: Axis) -> Problem:
     return Problem(plant, noisy, noises(case))
 
 
+class Coarse(Axis):
+    """An axis whose speed is off by so many sigma where it is simulated with long steps."""
+
+    def __init__(self, off: float) -> None:
+        super().__init__()
+        self.off = off
+
+    def simulate(self, values: Mapping[str, float], recording: Recording, **others: Any) -> Signals:
+        """See Plant.simulate."""
+        found = super().simulate(values, recording, **others)
+        return {name: x + self.off * NOISE * recording.coarse for name, x in found.items()}
+
+
 class Derivative(Axis):
     """What is compared is the slope of what goes in, as a torque is that of an imposed speed."""
 
     def simulate(self, values: Mapping[str, float], recording: Recording, **others: Any) -> Signals:
         """See Plant.simulate."""
         return {"w": np.gradient(recording.inputs["u"], recording.time)}
+
+
+@pytest.mark.parametrize(("sigma", "off", "coarse"), [(0.02, 1e-3, True), (0.02, 0.5, False), (0.0, 0.0, False)])
+def test_steps_are_long_where_inputs_have_noise_and_what_is_compared_stays_the_same(
+    sigma: float, off: float, coarse: bool
+) -> None:
+    problem = with_long_steps(measured(sigma, Coarse(off)), Run())
+    assert [r.coarse for r in problem.recordings] == [coarse, coarse]
+
+
+def test_long_steps_of_a_current_driven_motor_are_a_third_fewer_and_what_is_read_a_hundredth_of_its_noise_off() -> None:
+    t = 1e-3 * np.arange(2001)
+    noisy = 5 * np.sin(2 * np.pi * t) + np.random.default_rng(1).normal(0, 0.05, len(t))
+    steps, w = [], []
+    with Simulation(chain(["motor", "load"]).system) as simulation:
+        for scheme in (FASTEST, COARSE):
+            inputs = Inputs(t, {"v_command": noisy})
+            parameters = {"motor.drive.mode": CURRENT_MODE}
+            experiment = Experiment(
+                inputs, 2.0, parameters=parameters, output_step=1e-3, record=["w_motor"], scheme=scheme
+            )
+            found = simulation.run(experiment)
+            w.append(found.signals["w_motor"])
+            steps.append(simulation.counters["steps"])
+    assert steps[1] < 0.7 * steps[0], steps
+    assert np.sqrt(np.mean((w[1] - w[0]) ** 2)) < 3e-3  # rad/s; an encoder's log has 0.3
 
 
 def test_an_input_has_fewer_knots_and_what_is_compared_is_the_same() -> None:

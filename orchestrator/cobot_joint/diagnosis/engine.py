@@ -46,7 +46,7 @@ from cobot_joint.diagnosis.selection.outside import (
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.some_recordings import some_of
 from cobot_joint.diagnosis.selection.stepwise import Selector
-from cobot_joint.diagnosis.selection.unlisted.held_against import look_beside_parameter
+from cobot_joint.diagnosis.selection.unlisted.held_against import look_beside_parameter, within_reach
 from cobot_joint.diagnosis.selection.unlisted.remains import remains
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 from cobot_joint.diagnosis.store import Store
@@ -174,7 +174,7 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     if misread and misread.beats(problem, found.fit):
         return _channel_or_parameter(problem, found.selection.up_to(0), misread, say)
     is_formula = found.unmodelled is not None and found.unmodelled.may_be_a_data_sheet
-    select = Selector(problem, scan, say).beside
+    select: Select = Selector(problem, scan, say).beside
     if beside := _beside_claimed(problem, found, select, say):
         return _or_misread(problem, beside, misread)
     visible = problem.stands_out(found.calibrated.residual) or drifts_visibly(problem)
@@ -188,6 +188,8 @@ def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress
     if is_formula and (instead := _parameter_in_place(problem, found, say)):
         return instead
     listed = (found.selection.fit, found.selection.selected) if is_formula else (found.fit, found.selected)
+    if found.unmodelled and found.unmodelled.is_likely:
+        select = within_reach(problem, found.unmodelled, select)
     outside = problem.budget.stage(
         "parameters outside their tolerances",
         lambda: look_outside(problem, found.calibrated, *listed, select, say),

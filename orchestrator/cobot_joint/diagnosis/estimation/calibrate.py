@@ -24,7 +24,7 @@ from cobot_joint.diagnosis.store import Store
 
 SETTLED = 0.02  # of what is above noise, that a re-fit may leave to its next step
 KNOTS = (2, 4, 8, 16)  # samples from one to the next
-UNFELT = 0.1  # of what a term must take, that fewer knots may change
+UNFELT = 0.1  # of what a term must take, that a coarser simulation may change
 CALIBRATION = Precision(settled=10.0, roughly=SETTLED, jacobians=8)
 Progress = Callable[[str], None]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from cobot_joint.diagnosis import thresholds
@@ -95,6 +96,21 @@ def _units(listed: Selection) -> set[str]:
     on = {s.term for s in listed.selected}
     twins = {twin for twin, leader in listed.indistinguishable.items() if leader in on}
     return {name.split(".")[0] for name in on | twins}
+
+
+def within_reach(
+    problem: Problem, formula: Unmodelled, select: Callable[[Fit], Selection]
+) -> Callable[[Fit], Selection]:
+    """`select`, but of no terms beside a fit where they would have to take more than ENOUGH of what it leaves for the
+    formula not to outdo it: of gravity on an elbow a formula leaves a thousandth, a freed inertia half, and the rounds
+    beside that took as long as all before them."""
+
+    def selected(fit: Fit) -> Selection:
+        left, rest = remains(problem, fit, formula.fit)
+        needed = thresholds.TIMES_LESS * formula.freedom * rest
+        return Selection([fit]) if needed < (1 - thresholds.ENOUGH) * left else select(fit)
+
+    return selected
 
 
 def look_beside_parameter(problem: Problem, outside: Selection, say: Say) -> Unmodelled | None:

@@ -65,7 +65,8 @@ class Competition:
             if not leads and not self.problem.stands_out(lowest.residual):
                 continue
             active, cost = self.sized(best, score.active)
-            if not leads and _is_hopeless(best, cost, lowest.cost):
+            promised = min(cost, best.cost - score.gain)  # as it is, or by its sensitivity: either may mislead
+            if not leads and _is_hopeless(best, promised, lowest.cost):
                 continue
             found = self.with_best_onset(best, active, lowest.cost if fits else np.inf)
             if found is None or found.cost >= best.cost:

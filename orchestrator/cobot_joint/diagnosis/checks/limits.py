@@ -13,13 +13,16 @@ from cobot_joint.system.model import Component, System
 
 LIMITED = {"drive.w_max": "w", "drive.i_peak": "i"}  # parameter, 0: no limit -> the output that it limits
 BEYOND = 1.05  # of a limit, that a recording is beyond it; within as much the simulation is held there
+OVERRUN = 1.25  # times the supply, that a back-EMF is beyond it: a motor's constant and a supply are known to a tenth
 MOSTLY = 0.99  # of a recording, that its largest value is taken of: a sample alone is no motion
 
 
 def beyond_limits(
     recordings: Sequence[Recording], simulate: Simulate, systems: Mapping[str, System]
 ) -> Iterator[Suspicion]:
-    """The first recording that goes beyond a limit at which the nominal system is held, for every limit."""
+    """The first recording that goes beyond a limit at which the nominal system is held, for every limit; and the first
+    that turns a motor faster than its supply lets the nominal system."""
+    yield from _beyond_supply(recordings, simulate, systems)
     told: set[str] = set()
     for r in recordings:
         for name, limit, value in _limits(systems[r.setup], r):
@@ -37,15 +40,58 @@ def beyond_limits(
                 yield Suspicion(r.name, name, "limit", words, wrong=True)
 
 
+def _beyond_supply(
+    recordings: Sequence[Recording], simulate: Simulate, systems: Mapping[str, System]
+) -> Iterator[Suspicion]:
+    told: set[str] = set()
+    for r in recordings:
+        for name, full, values in _supplies(systems[r.setup], r):
+            v_bus, k = values
+            reached, unit = _reached(r.outputs[name]), r.units.get(name, "")
+            if full in told or not OVERRUN * v_bus < k * reached:
+                continue
+            held = _reached(np.asarray(simulate(r).get(name, np.full(1, np.inf))))
+            if k * held < BEYOND * v_bus:
+                told.add(full)
+                words = (
+                    f"it reaches {reached:.4g} {unit}, where its back-EMF is {k * reached:.4g} V, and "
+                    f"{full} = {v_bus:.4g} V holds the simulation below {v_bus / k:.4g} {unit}: the machine's own "
+                    f"supply voltage belongs into [parameters]"
+                )
+                yield Suspicion(r.name, name, "limit", words, wrong=True)
+
+
+def _supplies(system: System, r: Recording) -> Iterator[tuple[str, str, tuple[float, float]]]:
+    """Recorded speeds of motors with the parameter that is their supply's voltage; (v_bus, k)."""
+    for component in system.components:
+        if not {"inverter.v_bus", "winding.k", "w"} <= component.unit.variables.keys():
+            continue
+        name = _shown(system, component, "w")
+        if name in r.outputs:
+            full = [f"{component.name}.{parameter}" for parameter in ("inverter.v_bus", "winding.k")]
+            v_bus, k = (r.initial.get(f, _value(component, f.split(".", 1)[1])) for f in full)
+            yield name, full[0], (v_bus, abs(k))
+
+
 def _limits(system: System, r: Recording) -> Iterator[tuple[str, str, float]]:
     """Recorded outputs with the parameter that limits them, and its value."""
-    shown = {(w.source_component, w.source): w.sink for w in system.connections if w.sink_component is None}
     for component in system.components:
         for parameter, variable in LIMITED.items():
-            name = shown.get((component.name, variable), f"{component.name}.{variable}")
+            name = _shown(system, component, variable)
             if parameter in component.unit.variables and name in r.outputs:
                 full = f"{component.name}.{parameter}"
                 yield name, full, r.initial.get(full, _value(component, parameter))
+
+
+def _shown(system: System, component: Component, variable: str) -> str:
+    """The system's output that is a component's; the variable's full name where there is none."""
+    own = [
+        w.sink
+        for w in system.connections
+        if (w.source_component, w.source) == (component.name, variable)
+        if w.sink_component is None
+    ]
+    return own[0] if own else f"{component.name}.{variable}"
 
 
 def _value(component: Component, parameter: str) -> float:

@@ -39,6 +39,31 @@ def test_a_limit_that_holds_the_simulation_alone_is_said(
 
 
 @pytest.mark.parametrize(
+    ("reached", "held", "supply", "said"),
+    [
+        pytest.param(330.0, 190.0, None, True, id="held by 24 V"),
+        pytest.param(330.0, 330.0, None, False, id="driven by something else"),
+        pytest.param(330.0, 190.0, 48.0, False, id="its own supply"),
+        pytest.param(210.0, 190.0, None, False, id="a constant that is a tenth off"),
+    ],
+)
+def test_a_supply_that_holds_the_simulation_alone_is_said(
+    reached: float, held: float, supply: float | None, said: bool
+) -> None:
+    """A conveyor's drive on 48 V, of whose data sheet the supply had been left out: the unit's 24 V held it, and an
+    effect on no list was answered."""
+    made = chain(["motor", "load"]).system
+    rise = np.minimum(TIME, 1.0)
+    initial = {"motor.winding.k": 0.125} | ({} if supply is None else {"motor.inverter.v_bus": supply})
+    r = Recording("a", "train", "axis", TIME, {}, {"w_motor": reached * rise}, {"w_motor": "rad/s"}, initial=initial)
+    found = list(beyond_limits([r, r], lambda r: {"w_motor": held * rise}, {"axis": made}))
+    assert [s.kind for s in found] == ["limit"] * said
+    if said:
+        assert found[0].wrong
+        assert "its back-EMF is 41.25 V, and motor.inverter.v_bus = 24 V holds the simulation" in found[0].evidence
+
+
+@pytest.mark.parametrize(
     ("begins", "initial", "said"),
     [
         pytest.param(0.1, {}, True, id="elsewhere"),

@@ -21,7 +21,7 @@ from cobot_joint.diagnosis.findings import Diagnosis
 from cobot_joint.diagnosis.provenance import components, provenance
 from cobot_joint.diagnosis.repair.compare import Comparison, channel_figures
 from cobot_joint.diagnosis.repair.discrepancy import DISCREPANCY
-from cobot_joint.diagnosis.repair.gate import judged
+from cobot_joint.diagnosis.repair.gate import beyond_doubt, judged, predicts_worse
 from cobot_joint.diagnosis.repair.repair import repair
 from cobot_joint.diagnosis.repair.verify import compare_systems, exported, variants, write_json
 from cobot_joint.diagnosis.report.headline import TermText, first_clause, verdict_sentence
@@ -135,16 +135,18 @@ def judge(diagnosis: Diagnosis, predict: Callable[[], Mapping[str, Mapping[str, 
 
     A base parameter has no form that could be somewhat off: outside its tolerance without predicting, it is refuted.
 
-    predict: role -> channel -> figures of anchored predictions. Asked only where free runs speak against the repair:
-    these add up whatever is wrong, and lose angles.
+    predict: role -> channel -> figures of anchored predictions. Asked where free runs speak against the repair, since
+    these add up whatever is wrong, and lose angles; and where they leave half of the error, which a wrong repair does
+    as well: one that took 30 % had predicted three times worse.
     """
-    if not diagnosis.findings or judged(diagnosis.channels) == "offered":
+    if not diagnosis.findings or beyond_doubt(diagnosis.channels):
         return
+    for_it = judged(diagnosis.channels) == "offered"
     for role, predicted in predict().items():
         for name, figures in predicted.items():
             if role in diagnosis.channels[name]:
                 diagnosis.channels[name][role]["predicted"] = figures
-    if judged(diagnosis.channels) == "offered":
+    if not predicts_worse(diagnosis.channels) if for_it else judged(diagnosis.channels) == "offered":
         return
     diagnosis.repair, diagnosis.verdict = "withheld", "undecided"
     kept = [f for f in diagnosis.findings if f.term not in diagnosis.calibrated]

@@ -81,6 +81,21 @@ def _left(error: Mapping[str, float], others: Sequence[str]) -> float:
     return error["repaired"] / before if before > thresholds.NEGLIGIBLE else 1.0
 
 
+def beyond_doubt(channels: Channels) -> bool:
+    """Whether free runs leave so little of the error that predictions from short distances need not be asked."""
+    share = removed(channels)
+    return judged(channels) == "offered" and share is not None and share[0] > thresholds.HOLDS
+
+
+def predicts_worse(channels: Channels) -> bool:
+    """Whether predictions of held-out runs from short distances err by more with the repair than without."""
+    error = above_noise(channels, "holdout") if horizon(channels, "holdout") else None
+    if error is None:
+        return False
+    before = min(error["nominal"], error["calibrated"])
+    return not error["repaired"] <= thresholds.NO_WORSE * before + thresholds.NEGLIGIBLE
+
+
 def removed(channels: Channels) -> tuple[float, str] | None:
     """(share of the error above noise that the repair removes, in which runs); None: there was nothing, or none was.
 

@@ -152,6 +152,32 @@ def test_a_repair_that_free_runs_speak_against_is_offered_where_it_predicts_from
     assert diagnosis.channels["w"]["holdout"]["predicted"] == short
 
 
+@pytest.mark.parametrize(
+    ("free", "predicted", "repair", "asked"),
+    [
+        pytest.param(1.8, 2.6, "withheld", True, id="half is left, and it predicts worse"),
+        pytest.param(1.8, 1.999, "offered", True, id="half is left, and it predicts as well"),
+        pytest.param(1.2, 2.6, "offered", False, id="most is gone"),
+    ],
+)
+def test_a_repair_that_leaves_half_of_the_error_in_free_runs_has_to_predict_no_worse(
+    free: float, predicted: float, repair: str, asked: bool
+) -> None:
+    """A turntable's supply resistance, 42 % sure, took a third in free runs and predicted three times worse."""
+    finding = Finding("motor.supply_sag", (), 0.42, None, {}, dict(WHERE), 1e3)
+    diagnosis = Diagnosis("undecided", [finding], {}, {}, channels=channels(5.0, 2.0, free))
+    short = {"w": {"horizon": 0.2, "nominal": 5.0, "calibrated": 2.0, "repaired": predicted}}
+    was_asked = False
+
+    def predict() -> dict:
+        nonlocal was_asked
+        was_asked = True
+        return {"holdout": short}
+
+    judge(diagnosis, predict)
+    assert (diagnosis.repair, was_asked) == (repair, asked)
+
+
 def found_worse_in_free_training_runs() -> Diagnosis:
     finding = Finding("sensor.hysteresis", (), 0.9, None, {}, dict(WHERE), 1e3)
     return Diagnosis("explained", [finding], {}, {}, channels=channels(5.0, 2.0, 1.0, train=3.0))

@@ -231,24 +231,41 @@ def new(
     words = [(name, part.words) for name, part in made.parts.items()]
     console.print(write_readable(made.system, words, folder / "system.ssd"), soft_wrap=True)
     if chain:
-        console.print(*_shaft(made, "shaft.c_s" in values), sep="", end="")
+        console.print(*_shaft(made, values), *_supply(made, values), sep="", end="")
     console.print(*_ringing(made), *_commanded(made, values), sep="", end="")
     (folder / "campaign.toml").write_text(_campaign(made.system, folder), encoding="utf-8")
     console.print(folder / "campaign.toml", soft_wrap=True)
 
 
-def _shaft(made: Chain, known: bool) -> list[str]:
-    """What stands between two parts that both bring motion, in words; nothing: no shaft does, or its stiffness was
-    given (known)."""
+def _shaft(made: Chain, given: Collection[str]) -> list[str]:
+    """What stands between two parts that both bring motion, in words, as far as its stiffness and damping were not
+    given; nothing: no shaft does, or both were."""
     names = list(made.parts)
-    if "shaft" not in names or known:
+    if "shaft" not in names or {"shaft.c_s", "shaft.d_s"} <= {*given}:
         return []
-    k, c_s = names.index("shaft"), made.system.component("shaft").parameters["shaft.c_s"]
-    between = f"a shaft of {c_s:g} N.m/rad stands between {names[k - 1]} and {names[k + 1]}"
+    k, spring = names.index("shaft"), made.system.component("shaft").parameters
     inertias = [_inertia(made.system.component(names[j])) for j in (k - 1, k + 1)]
+    c_s, d_s = spring["shaft.c_s"], spring["shaft.d_s"]
+    if "shaft.c_s" in given:
+        critical = _critical(c_s, *inertias) if all(J > 0 for J in inertias) else math.nan
+        little = (
+            f", {100 * d_s / critical:.2g} % of critical; 5 % would be {0.05 * critical:.3g}" if critical > 0 else ""
+        )
+        return [f"the shaft's damping of {d_s:g} N.m.s/rad is assumed{little}: --set 'shaft.d_s=VALUE'\n"]
+    between = f"a shaft of {c_s:g} N.m/rad stands between {names[k - 1]} and {names[k + 1]}"
     c, d = _as_good_as_rigid(*inertias) if all(J > 0 for J in inertias) else (math.nan, math.nan)
     rigid = f"; of a coupling that hardly gives: --set shaft.c_s={c:.3g} --set shaft.d_s={d:.3g}" if c > 0 else ""
     return [f"{between}; that stiffness is assumed: set the real one with --set 'shaft.c_s=VALUE'{rigid}\n"]
+
+
+def _supply(made: Chain, given: Collection[str]) -> list[str]:
+    """At what speed a supply that nobody gave holds a motor; nothing: it was given, or there is no motor."""
+    if "motor" not in made.parts or any(name.split(".")[-1] in ("v_bus", "supply_voltage") for name in given):
+        return []
+    motor = made.system.component("motor").parameters
+    v_bus, k = motor["inverter.v_bus"], motor["winding.k"]
+    fastest = f", which holds it below {v_bus / k:.3g} rad/s" if k > 0 else ""
+    return [f"the motor's supply of {v_bus:g} V is assumed{fastest}: --set 'motor.v_bus=VALUE'\n"]
 
 
 def _inertia(component: Component) -> float:
@@ -261,9 +278,14 @@ def _inertia(component: Component) -> float:
 
 def _as_good_as_rigid(a: float, b: float) -> tuple[float, float]:
     """Stiffness and damping of a shaft on which the larger of two inertias would ring at RIGID, and the two against
-    each other with 0.7 of critical damping, 2 sqrt(c J)."""
+    each other with 0.7 of critical damping."""
     c = max(a, b) * (2 * math.pi * RIGID) ** 2
-    return c, 1.4 * math.sqrt(c * a * b / (a + b))
+    return c, 0.7 * _critical(c, a, b)
+
+
+def _critical(c: float, a: float, b: float) -> float:
+    """Critical damping of two inertias against each other, 2 sqrt(c J)."""
+    return 2 * math.sqrt(c * a * b / (a + b))
 
 
 def _commanded(made: Chain, given: Collection[str]) -> list[str]:

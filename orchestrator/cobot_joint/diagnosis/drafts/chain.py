@@ -41,6 +41,7 @@ class Part:
 
 FRICTION = {"friction.tau_C": "30 %", "friction.d": "30 %"}
 ASSUMED = "assumed"  # a damping, which no data sheet has
+VAGUE = (0.1, 30.0)  # times that, which a real one may be
 STICKS: Mapping[str, Value] = {"friction.law": 2}  # as real dry friction does
 TURNS: Mapping[str, Value] = {"body.lead": 0.0, **STICKS}  # what it has of a mass hangs on its shaft
 UNLIMITED: Mapping[str, Value] = {"drive.v_max": 0.0, "drive.i_peak": 0.0, "drive.w_max": 0.0}  # none that we know of
@@ -143,7 +144,8 @@ ALIASES = {  # as data sheets call them
     "k_M": "winding.k", "k_t": "winding.k", "rotor_inertia": "rotor.J", "J": "rotor.J", "reduction": "ratio.N",
     "gear_ratio": "ratio.N", "ratio": "ratio.N", "i": "ratio.N", "efficiency": "mesh.eta", "backlash": "mesh.b",
     "stiffness": "mesh.c", "rated_torque": "amplifier.tau_rated", "mass": "body.m", "inertia": "body.J",
-    "pitch": "body.lead", "coulomb_friction": "friction.tau_C", "viscous_friction": "friction.d",
+    "supply_voltage": "inverter.v_bus", "pitch": "body.lead", "coulomb_friction": "friction.tau_C",
+    "viscous_friction": "friction.d",
 }  # fmt: skip
 
 
@@ -284,8 +286,9 @@ def tolerances(component: Component, fits: Mapping[str, str]) -> dict[str, str]:
     that. "" where the parameter is 0: only whoever knows the machine can give a range. After #, what is only offered:
     damping, which the recordings of a machine without a resonance do not tell."""
     nominal = {n: float(component.parameters.get(n, component.unit.variables[n].start) or 0.0) for n in fits}
-    offered = '# "50 %"   # damping, on no data sheet: let it vary if a resonance shows'
-    lines = {n: "" if nominal[n] == 0.0 else offered if off == ASSUMED else f'"{off}"' for n, off in fits.items()}
+    offered = "# [{:g}, {:g}]   # damping, on no data sheet: let it vary if a resonance shows"
+    assumed = {n: offered.format(*(k * nominal[n] for k in VAGUE)) for n, off in fits.items() if off == ASSUMED}
+    lines = {n: "" if nominal[n] == 0.0 else assumed.get(n, f'"{off}"') for n, off in fits.items()}
     if component.parameters.get("drive.mode") == CURRENT_MODE:  # its loop gives whatever voltage the current takes
         lines.pop("winding.R", None)
     if lines.get("friction.tau_C") and component.parameters.get("friction.law") != STICKS["friction.law"]:

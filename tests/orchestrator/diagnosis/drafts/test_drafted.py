@@ -46,6 +46,35 @@ def test_the_supply_stands_in_the_system_of_a_motor(tmp_path: Path, cobot_joint:
     assert load_system(str(tmp_path / "motor/system.ssd")).component("motor").parameters["inverter.v_bus"] == 48.0
 
 
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ([], "the motor's supply of 24 V is assumed, which holds it below 192 rad/s: --set 'motor.v_bus=VALUE'"),
+        (["--set", "motor.v_bus=48 V"], ""),
+        (["--set", "motor.supply_voltage=48 V"], ""),
+    ],
+)
+def test_a_supply_that_nobody_gave_is_said_with_the_speed_at_which_it_holds_the_motor(
+    cobot_joint: Callable[..., Done], given: list[str], said: str
+) -> None:
+    done = cobot_joint("new", "--chain", "motor,load", "--set", "motor.k=0.125 N.m/A", "--out", "axis", *given)
+    assert done.returncode == 0, done.stderr
+    words = " ".join(done.stdout.split())
+    assert said in words
+    assert ("supply" in words) == bool(said)
+
+
+def test_a_shafts_damping_that_nobody_gave_is_said_beside_its_critical_one(cobot_joint: Callable[..., Done]) -> None:
+    """2 sqrt(c J) of 2 kg.m2 and 2 kg.m2 against each other on 100 N.m/rad: 20 N.m.s/rad."""
+    given = ("--set", "link.J_l=2", "--set", "harmonic.J_o=2", "--set", "shaft.c_s=100", "--set", "link.m=0")
+    done = cobot_joint("new", "--chain", "motor,harmonic,link", "--out", "arm", *given)
+    assert done.returncode == 0, done.stderr
+    said = (
+        "the shaft's damping of 0.01 N.m.s/rad is assumed, 0.05 % of critical; 5 % would be 1: --set 'shaft.d_s=VALUE'"
+    )
+    assert said in " ".join(done.stdout.split())
+
+
 def test_a_chain_that_nothing_drives_is_refused_with_what_may_stand_first(cobot_joint: Callable[..., Done]) -> None:
     done = cobot_joint("new", "--chain", "harmonic,link", "--out", "arm")
     assert done.returncode == 2
@@ -173,12 +202,17 @@ def test_an_angle_whose_speed_is_used_is_offered_to_the_same_part_first_and_to_n
 
 
 @pytest.mark.parametrize(
-    ("part", "damping"), [("gear", "mesh.d_g"), ("harmonic", "flex_spline.d_g"), ("elastic", "spring.d")]
+    ("part", "damping", "bounds"),
+    [
+        ("gear", "mesh.d_g", "[0.05, 15]"),
+        ("harmonic", "flex_spline.d_g", "[0.2, 60]"),
+        ("elastic", "spring.d", "[0.005, 1.5]"),
+    ],
 )
 def test_damping_that_is_on_no_data_sheet_is_offered_and_does_not_vary_unasked(
-    tmp_path: Path, cobot_joint: Callable[..., Done], part: str, damping: str
+    tmp_path: Path, cobot_joint: Callable[..., Done], part: str, damping: str, bounds: str
 ) -> None:
     chain = "motor,gear,elastic,load" if part == "elastic" else f"motor,{part},load"
     assert cobot_joint("new", "--chain", chain, "--out", "axis").returncode == 0
     lines = (tmp_path / "axis/campaign.toml").read_text().splitlines()
-    assert f'# "{part}.{damping}" = "50 %"   # damping, on no data sheet: let it vary if a resonance shows' in lines
+    assert f'# "{part}.{damping}" = {bounds}   # damping, on no data sheet: let it vary if a resonance shows' in lines

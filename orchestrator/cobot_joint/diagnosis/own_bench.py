@@ -120,7 +120,7 @@ def _first_campaign(
         starts,
     )
     from cobot_joint.diagnosis.drafts.constant_speeds import as_table
-    from cobot_joint.diagnosis.drafts.current_drive import nominal_beside, with_commanded_current
+    from cobot_joint.diagnosis.drafts.current_drive import nominal_beside, percent_of_drive, with_commanded_current
     from cobot_joint.system.read import load_system
     from cobot_joint.system.wiring import driving, unwired
 
@@ -137,8 +137,8 @@ def _first_campaign(
     connectors = {n: c for n, c in connectors.items() if n in mine}
     columns = found[0].log.channels
     guesses = with_commanded_current(own, guess(columns, connectors, defaults.logged), columns)
-    percent = in_percent(columns, guesses, connectors.values())
-    found_one = [connectors[g.connector] for g in guesses] + [*percent.values()]
+    percent = percent_of_drive(own, guesses, columns, in_percent(columns, guesses, connectors.values()))
+    found_one = [connectors[g.connector] for g in guesses] + [rated.connector for rated in percent.values()]
     if not any(c.causality == "output" for c in found_one):
         raise UserError(
             f"{logs[0]}: no column looks like an output of {system}, which has {among(connectors)}; "

@@ -49,6 +49,7 @@ TOKEN = re.compile(
     r"\s*(?:(?P<word>[^\W\d_]*[^\W\d]|[%°‰][^\W\d_]*)(?:(?:\*\*|\^)?(?P<power>-?\d))?|(?P<op>[./*()]|1(?=\s*/)))"
 )
 
+PER_THOUSAND_RPM = re.compile(r"(?:/|\bper)\s*1000\s*(?:rpm|min-1|U/min)\b")  # of viscous friction, in data sheets
 IN_PARENTHESES = re.compile(r"\s*\(([^()]+)\)$")
 # a unit, not `(raw)`, `(min)` or phase `(A)`: a letter alone is none here, or one that changes nothing
 PLAIN = re.compile(r"[munkcµ]?(?:Nm|Hz|rad|Ohm|Ω)|[munkcµ](?:N|V|W|A|m|s)|deg|rpm|rev")
@@ -159,6 +160,7 @@ def _parse(unit: str, where: str, speed: bool = False) -> pint.Quantity:
             raise ValueError
         factor = FACTOR.match(text)
         text = text[factor.end() :].strip() if factor else text
+        text = PER_THOUSAND_RPM.sub("/krpm", text)
         text = "rpm" if speed and text in PER_MINUTE else WHOLE.get(text, text)
         quantity = _product(_tokens(text)) if text != "1" else _registry().Quantity(1.0, "")
         if factor:

@@ -29,6 +29,7 @@ WORDS = {
     "pos": "phi", "lage": "phi", "positions": "phi", "winkel": "phi", "geschwindigkeit": "w", "geschwindigkeits": "w",
     "drehzahl": "w", "torque": "tau", "moment": "tau", "drehmoment": "tau", "m": "tau", "current": "i", "strom": "i",
     "voltage": "v", "spannung": "v", "u": "v", "ab": "sensor", "last": "load",
+    "drum": "load", "table": "load", "turntable": "load", "wheel": "load", "carriage": "load", "slide": "load",
 }  # fmt: skip
 # units at the end of a name, as identifiers have them: `n_rpm`
 SUFFIXES = {
@@ -36,8 +37,10 @@ SUFFIXES = {
     "deg_s": "deg/s", "degs": "deg/s", "dps": "deg/s", "nm": "N.m", "mnm": "mN.m", "ncm": "N.cm", "mA": "mA",
     "mV": "mV", "mm": "mm", "um": "um", "mm_s": "mm/s",
 }  # fmt: skip
-QUANTITIES = {COMMAND, ACTUAL, "w", "phi", "tau", "i", "v", "s"}  # words that say what a column is, not whose
+# words that say what a column is, not whose
+QUANTITIES = {COMMAND, ACTUAL, "w", "phi", "tau", "i", "v", "s", "value", "wert"}
 WORDED = {"A": "i", "V": "v"}  # at the end of the name of such a quantity: `motor_current_A`, not `phase_A`
+PERCENT = ("%", "percent")
 # in a compound, which German writes in one word: Sollposition, Positionssollwert, Istdrehzahl, Stromistwert
 GERMAN = re.compile(r"(soll|ist)wert|(?:^|(?<=[\W_]))(soll|ist)(?=[a-z])")
 IN_WORDS = re.compile(r"\((?!\d+\))(?P<bracket>[^()]+)\)$|\s(?:in\s|/\s)(?P<word>\S+)$")
@@ -62,13 +65,21 @@ class Lacking:
 
 
 @dataclass(frozen=True)
+class Rated:
+    """What a column in % of a rated value could be. hint: what that value is in the connector's unit, in words."""
+
+    connector: Connector
+    hint: str = ""
+
+
+@dataclass(frozen=True)
 class Columns:
     """What a log's columns are to a system, and which of its connectors have none."""
 
     guesses: Sequence[Guess]
     lacking: Sequence[Lacking] = ()
     left: Mapping[str, Sequence[str]] = field(default_factory=dict)  # column that is not used -> what it could be
-    percent: Mapping[str, Connector] = field(default_factory=dict)  # column in % that is not used -> what it could be
+    percent: Mapping[str, Rated] = field(default_factory=dict)  # column in % that is not used -> what it could be
     unusable: Mapping[str, str] = field(default_factory=dict)  # column -> why
     nominal: Mapping[str, float] = field(default_factory=dict)  # `component.parameter` -> value that follows from them
     starts: Mapping[str, str] = field(default_factory=dict)  # `component.variable` -> the connector that shows it
@@ -143,6 +154,8 @@ def guess(channels: Sequence[Channel], connectors: Mapping[str, Connector], logg
         chosen[candidate.connector] = candidate
     for candidate in _motors_own(channels, connectors, chosen):
         chosen[candidate.connector] = candidate
+    for candidate in _only_ones_left(channels, connectors, chosen):
+        chosen[candidate.connector] = candidate
     return [chosen[name] for name in connectors if name in chosen]
 
 
@@ -163,18 +176,24 @@ def _only_ones_left(
 def _motors_own(
     channels: Sequence[Channel], connectors: Mapping[str, Connector], chosen: Mapping[str, Guess]
 ) -> list[Guess]:
-    """Of columns with a unit that are alone in it, and fit several connectors without a column, that of the motor: a
-    drive logs its own encoder."""
+    """Of columns with a unit that are alone in it, or alone name no part of the machine, and fit several connectors
+    without a column, that of the motor: a drive logs its own encoder, as "Velocity actual value"."""
     columns = [c for c in channels if c.unit and c not in [g.column for g in chosen.values()]]
     found = []
     for column in columns:
         fitting = [c for c in connectors.values() if c.name not in chosen and c.unit and _fits(column, c)]
         own = [c.name for c in fitting if c.causality == "output" and "motor" in _words(c.name)]
-        alone = not any(converts(other.unit, column.unit) for other in columns if other is not column)
+        others = [c for c in columns if c is not column and converts(c.unit, column.unit)]
+        alone = not others or not (names_a_part(column.name) or not all(names_a_part(c.name) for c in others))
         if alone and len(own) == 1 and len(fitting) > 1:
-            others = among([c.name for c in fitting if c.name != own[0]], 3)
-            found.append(Guess(column, own[0], f"the motor's, since a drive logs its own; it could be {others}"))
+            could = among([c.name for c in fitting if c.name != own[0]], 3)
+            found.append(Guess(column, own[0], f"the motor's, since a drive logs its own; it could be {could}"))
     return found
+
+
+def names_a_part(name: str) -> bool:
+    """Whether a column's name says whose it is."""
+    return bool(_own_words(name))
 
 
 def starts(system: System, guesses: Iterable[Guess]) -> dict[str, str]:
@@ -208,25 +227,24 @@ def left_over(
         alike = {
             c.name: _likeness(channel.name, c.name) + (c.name.split(".")[0] in near)
             for c in free
-            if converts(channel.unit, c.unit)
+            if converts(channel.unit, c.unit) and not (c.causality == "output" and is_command(channel.name))
         }
-        fitting = [n for n, likeness in alike.items() if channel.unit not in (None, "1") or likeness >= ALIKE]
+        plain = channel.unit in (None, "1", *PERCENT)
+        fitting = [n for n, likeness in alike.items() if not plain or likeness >= ALIKE]
         if channel.name not in used:
-            left[_header(channel)] = sorted(fitting, key=lambda n: -alike[n])
+            left[header_of(channel)] = sorted(fitting, key=lambda n: -alike[n])
     return left
 
 
-def in_percent(
-    channels: Iterable[Channel], guesses: Sequence[Guess], offered: Iterable[Connector]
-) -> dict[str, Connector]:
+def in_percent(channels: Iterable[Channel], guesses: Sequence[Guess], offered: Iterable[Connector]) -> dict[str, Rated]:
     """Column in % that no guess uses -> the connector whose words its name has: of a rated torque, or current."""
     used, taken = {g.column.name for g in guesses}, {g.connector for g in guesses}
     free = [c for c in offered if c.name not in taken and c.unit]
     found = {}
     for channel in channels:
         named = [c for c in free if set(_words(c.name)) <= set(_words(channel.name))]
-        if channel.unit in ("%", "percent") and channel.name not in used and named:
-            found[_header(channel)] = max(named, key=lambda c: _likeness(channel.name, c.name))
+        if channel.unit in PERCENT and channel.name not in used and named:
+            found[header_of(channel)] = Rated(max(named, key=lambda c: _likeness(channel.name, c.name)))
     return found
 
 
@@ -235,12 +253,18 @@ def is_error_of_angle(connector: Connector) -> bool:
     return connector.name.endswith("_add") and connector.unit == "rad"
 
 
+def is_torque(name: str) -> bool:
+    """Whether a column is one, by its name."""
+    return "tau" in _words(name)
+
+
 def _own_words(name: str) -> set[str]:
     """Those of a name that say whose it is, not what."""
     return set(_words(name)) - {*QUANTITIES, *SUFFIXES, *(unit.lower() for unit in WORDED)}
 
 
-def _header(column: Channel) -> str:
+def header_of(column: Channel) -> str:
+    """As a campaign names it."""
     return column.name + (f" [{column.unit}]" if column.unit else "")
 
 
@@ -320,12 +344,13 @@ def _channels(columns: Columns) -> list[str]:
     for g in columns.guesses:
         why = f"   # guess: {g.why}" if g.why else ""
         to = f"{{ to = {_quoted(g.connector)}, scale = {_quoted(g.scale)} }}" if g.scale else _quoted(g.connector)
-        lines.append(f"{_quoted(_header(g.column))} = {to}{why}")
+        lines.append(f"{_quoted(header_of(g.column))} = {to}{why}")
     for c in (each.connector for each in columns.lacking):
         lines.append(f'# "COLUMN" = {_quoted(c.name)}   # {c.causality} [{c.unit or "1"}]: no column was found')
-    for header, c in columns.percent.items():
-        to = f"{{ to = {_quoted(c.name)}, scale = {_quoted(f'RATED {c.unit}')} }}"
-        lines.append(f"# {_quoted(_line(header))} = {to}   # not used: in place of RATED, what 100 % of it is")
+    for header, rated in columns.percent.items():
+        to = f"{{ to = {_quoted(rated.connector.name)}, scale = {_quoted(f'RATED {rated.connector.unit}')} }}"
+        why = f"not used: in place of RATED, what 100 % of it is{rated.hint}"
+        lines.append(f"# {_quoted(_line(header))} = {to}   # {why}")
     for header, fitting in ((h, f) for h, f in columns.left.items() if h not in columns.percent):
         why = f"not used; it could be {among(fitting, 5)}" if fitting else "not used: no connector is like it"
         lines.append(f"# {_quoted(_line(header))} = {_quoted(fitting[0] if fitting else 'CONNECTOR')}   # {why}")

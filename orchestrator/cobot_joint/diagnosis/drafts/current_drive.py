@@ -2,35 +2,88 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.diagnosis.data.recording import Connector
-from cobot_joint.diagnosis.drafts.campaign_text import Guess, converts, is_command, with_named_unit
+from cobot_joint.diagnosis.drafts.campaign_text import (
+    PERCENT,
+    Guess,
+    Rated,
+    converts,
+    header_of,
+    is_command,
+    is_torque,
+    names_a_part,
+    with_named_unit,
+)
 from cobot_joint.diagnosis.drafts.chain import CURRENT_MODE
 from cobot_joint.system.model import Component, System
+from cobot_joint.system.wiring import shown_by
 
 MOTOR = "motor_bldc"  # unit
 
 
 def with_commanded_current(system: System, guesses: Sequence[Guess], channels: Sequence[Channel]) -> list[Guess]:
-    """The guesses, and a column in A for the set value of a drive in current mode that has none: a set value before a
-    measured one, which goes in only where something else is left to be compared."""
+    """The guesses, and a column in A or N.m for the set value of a drive in current mode that has none: a set value
+    before a measured current, which goes in only where something else is left to be compared. And a torque that names
+    no part for the current that nobody logged: the drive takes it from that."""
     found = list(guesses)
-    channels = [with_named_unit(c, [Connector("", "input", "A")]) for c in channels]
+    channels = [with_named_unit(c, [Connector("", "input", unit) for unit in ("A", "N.m")]) for c in channels]
     for name, motor in _commands(system).items():
+        k_i, k = _value(motor, "drive.k_i") or 1.0, _value(motor, "winding.k")
+        currents = [c for c in channels if c.unit and converts(c.unit, "A")]
+        torques = _torques(channels, found) if k else []
+        shown = _shown(system, motor)
+        if shown and shown not in {g.connector for g in found}:
+            told = [c for c in torques if not is_command(c.name) and not names_a_part(c.name)][:1]
+            why = f"a torque of {motor.name} in current mode, over its torque constant"
+            found += [Guess(column, shown, why, f"{1 / k:g} A/(N.m)") for column in told]
         if name in {g.connector for g in found}:
             continue
-        currents = [c for c in channels if c.unit and converts(c.unit, "A")]
-        asked = [c for c in currents if is_command(c.name)]
-        used = {g.column.name: g for g in found}
-        measured = [c for c in currents if c.name in used and len(found) > 1]
+        used = {g.column.name for g in found}
+        asked = [c for c in (*currents, *torques) if is_command(c.name)]
+        measured = [c for c in (*currents, *torques) if c.name in used and len(found) > 1]
         for column in (asked or measured)[:1]:
             found = [g for g in found if g.column.name != column.name]
-            k_i = float(motor.parameters.get("drive.k_i", motor.unit.variables["drive.k_i"].start) or 1.0)
             what = "its set value" if asked else "no set value is logged, so that what it gives is what went in"
-            found.append(Guess(column, name, f"{motor.name} is in current mode; {what}", f"{1 / k_i:g} V/A"))
+            scale = f"{1 / (k * k_i):g} V/(N.m)" if column in torques else f"{1 / k_i:g} V/A"
+            found.append(Guess(column, name, f"{motor.name} is in current mode; {what}", scale))
     return found
+
+
+def percent_of_drive(
+    system: System, guesses: Sequence[Guess], channels: Sequence[Channel], known: Mapping[str, Rated]
+) -> dict[str, Rated]:
+    """With columns in % of a torque that are nothing else: the set value of a drive in current mode, its current."""
+    found, taken = dict(known), {g.connector for g in guesses} | {r.connector.name for r in known.values()}
+    used = {g.column.name for g in guesses}
+    for name, motor in _commands(system).items():
+        k_i, k, shown = _value(motor, "drive.k_i") or 1.0, _value(motor, "winding.k"), _shown(system, motor)
+        for column in (c for c in channels if c.unit in PERCENT and is_torque(c.name) and c.name not in used):
+            asked = is_command(column.name)
+            connector = Connector(name, "input", "V") if asked else Connector(shown, "output", "A")
+            if header_of(column) in found or not connector.name or connector.name in taken or names_a_part(column.name):
+                continue
+            taken.add(connector.name)
+            hint = f"; 1 {connector.unit} is a torque of {k * (k_i if asked else 1):g} N.m"
+            found[header_of(column)] = Rated(connector, hint)
+    return found
+
+
+def _torques(channels: Sequence[Channel], found: Sequence[Guess]) -> list[Channel]:
+    """Columns that no guess uses, of a torque by unit and name."""
+    used = {g.column.name for g in found}
+    return [c for c in channels if c.unit and c.name not in used and converts(c.unit, "N.m") and is_torque(c.name)]
+
+
+def _shown(system: System, motor: Component) -> str:
+    """The system's output that is the motor's current; "": none is."""
+    return next((name for name, shown in shown_by(system).items() if shown == f"{motor.name}.i"), "")
+
+
+def _value(motor: Component, parameter: str) -> float:
+    return float(motor.parameters.get(parameter, motor.unit.variables[parameter].start) or 0.0)
 
 
 def nominal_beside(system: System, guesses: Sequence[Guess]) -> dict[str, float]:

@@ -94,6 +94,11 @@ def test_a_tolerance_is_around_this_machine_s_value_and_inside_what_its_unit_all
     assert "planetary_gear.mesh.b" not in free
 
 
+@pytest.mark.parametrize("unit", ["mNm/1000rpm", "mNm/1000 rpm", "mN.m per 1000 rpm", "mNm/1000 min-1", "mNm/krpm"])
+def test_a_viscous_friction_per_thousand_turns_a_minute_is_read(unit: str) -> None:
+    assert convert(np.ones(1), unit, "N.m.s/rad", "here")[0][0] == pytest.approx(1e-3 / (1000 * 2 * np.pi / 60))
+
+
 def test_a_lead_without_its_angle_is_refused_since_it_may_be_per_turn_or_per_radian() -> None:
     per_turn, unit = convert(np.ones(1), "mm/rev", "m/rad", "here")
     assert (per_turn[0], unit) == (pytest.approx(1e-3 / (2 * np.pi)), "m/rad")

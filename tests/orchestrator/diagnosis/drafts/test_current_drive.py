@@ -16,6 +16,7 @@ from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.diagnosis.data.recording import Connector
 from cobot_joint.diagnosis.drafts.campaign_text import guess
 from cobot_joint.errors import UserError
+from cobot_joint.system.read import load_system
 from tests.orchestrator.diagnosis.typed import Done
 
 T = 1e-3 * np.arange(2000)
@@ -44,6 +45,46 @@ def test_the_measured_current_goes_in_where_no_set_value_is_logged(
     assert draft["parameters"] == {"motor.drive.decoupling": 1}  # what was measured flows, whatever the loop does
     (recording,) = load_campaign(tmp_path / "f/campaign.toml").recordings
     assert np.max(recording.inputs["v_command"]) == pytest.approx(1.5, rel=1e-3)
+
+
+def test_a_set_torque_goes_in_over_the_torque_constant_and_the_drives_own_torque_is_its_current(
+    tmp_path: Path, cobot_joint: Callable[..., Done]
+) -> None:
+    """Names as CANopen drives have them (CiA 402); a column that names no part is the drive's."""
+    columns = {"Target torque [Nm]": 0.5, "Torque actual value [Nm]": 0.5, "Velocity actual value [rpm]": 900.0}
+    draft = drafted(tmp_path, cobot_joint, columns | {"Drum speed [rpm]": 900.0})
+    k = load_system(str(tmp_path / "m/system.ssd")).component("motor").parameters["winding.k"]
+    assert draft["channels"] == {
+        "Target torque [Nm]": {"to": "v_command", "scale": f"{1 / k:g} V/(N.m)"},
+        "Torque actual value [Nm]": {"to": "i_motor", "scale": f"{1 / k:g} A/(N.m)"},
+        "Velocity actual value [rpm]": "w_motor",
+        "Drum speed [rpm]": "w_load",
+    }
+    (recording,) = load_campaign(tmp_path / "f/campaign.toml").recordings
+    assert np.max(recording.inputs["v_command"]) == pytest.approx(0.5 / k, rel=1e-3)
+
+
+def test_a_measured_torque_goes_in_where_no_set_value_is_logged(
+    tmp_path: Path, cobot_joint: Callable[..., Done]
+) -> None:
+    draft = drafted(tmp_path, cobot_joint, {"Torque actual value [Nm]": 0.5, "Velocity actual value [rpm]": 900.0})
+    assert draft["channels"]["Torque actual value [Nm]"]["to"] == "v_command"
+
+
+def test_a_torque_in_percent_is_offered_to_the_drive_with_what_its_rated_value_is_in(
+    tmp_path: Path, cobot_joint: Callable[..., Done]
+) -> None:
+    """Without the rated torque nothing drives the machine: the draft has the line, but for that number. It offered
+    an angle of the load."""
+    columns = {"Target torque [%]": 90.0, "Torque actual value [%]": 90.0, "Velocity actual value [rpm]": 900.0}
+    drafted(tmp_path, cobot_joint, columns)
+    k = load_system(str(tmp_path / "m/system.ssd")).component("motor").parameters["winding.k"]
+    text = (tmp_path / "f/campaign.toml").read_text()
+    rated = "not used: in place of RATED, what 100 % of it is; 1 {} is a torque of " + f"{k:g} N.m"
+    asked = '# "Target torque [%]" = { to = "v_command", scale = "RATED V" }   # ' + rated.format("V")
+    assert asked in text.splitlines()
+    told = '# "Torque actual value [%]" = { to = "i_motor", scale = "RATED A" }   # ' + rated.format("A")
+    assert told in text.splitlines()
 
 
 def test_a_set_value_goes_in_before_a_measured_current(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:

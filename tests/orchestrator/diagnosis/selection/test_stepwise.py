@@ -20,7 +20,7 @@ from cobot_joint.diagnosis.estimation.least_squares import Precision, fit, fit_a
 from cobot_joint.diagnosis.estimation.noise import Noise
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
-from cobot_joint.diagnosis.selection import stepwise
+from cobot_joint.diagnosis.selection import competition, stepwise
 from cobot_joint.diagnosis.selection.competition import Competition
 from cobot_joint.diagnosis.selection.elimination import prune, without_needless
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
@@ -142,6 +142,25 @@ def test_where_what_is_left_stands_out_terms_are_tried_that_sensitivities_do_not
     for stands_out in (True, False):
         monkeypatch.setattr(Problem, "stands_out", lambda self, residual, found=stands_out: found)
         assert ("axis.cogging" in Competition(problem).fits(base, weak, 10.0)) == stands_out
+
+
+@pytest.mark.parametrize(("promises", "tried"), [(0.8, True), (0.1, False)])
+def test_a_candidate_that_does_badly_as_it_is_is_fitted_all_the_same_where_its_sensitivity_promises_much(
+    promises: float, tried: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A conveyor's windage, at half of its true size, was passed over for torque ripple."""
+    problem, base = refitted(campaign(TRUE))
+    ranked = scores(problem, base, Scan(problem, TERMS).columns(base))
+    assert ranked[0].term is COGGING
+    took = base.cost - min(f.cost for f in Competition(problem).fits(base, ranked[1:], 10.0).values())
+    others = [replace(score, gain=took) for score in ranked[1:]]
+    monkeypatch.setattr(competition, "FITTED", len(others))  # they lead
+    own = Competition.sized
+    badly = lambda self, best, a: (a, best.cost) if a.term is COGGING else own(self, best, a)  # noqa: E731
+    monkeypatch.setattr(Competition, "sized", badly)
+    monkeypatch.setattr(Problem, "stands_out", lambda self, residual: True)
+    found = Competition(problem).fits(base, [*others, replace(ranked[0], gain=promises * took)], 10.0)
+    assert ("axis.cogging" in found) == tried
 
 
 @pytest.mark.parametrize(("takes", "background"), [(0.5, False), (0.1, True)])

@@ -155,7 +155,7 @@ def look_at_ports(
     found = _best(problem, start, places, answer)
     takes_all = found is not None and found.taken > thresholds.ENOUGH
     if not takes_all and places[0].points < least * problem.above(start.residual):
-        return None
+        return _over_motion(problem, start, answer, say)
     near = [p for p in places[:2] if p.columns and p.points > thresholds.NEAR_PORT * places[0].points]
     for _ in range(CLOSER):
         if _settled(problem, start, places, found):

@@ -75,21 +75,18 @@ def test_a_listed_term_whose_form_is_somewhat_off_stays_the_finding(name: str, e
     assert [f.term for f in found.findings] == [f"axis.{name}"]
 
 
-@pytest.mark.parametrize("places", [[], [SimpleNamespace(points=0.0)]], ids=["nothing", "too little"])
+@pytest.mark.parametrize("places", [[], [SimpleNamespace(points=0.0, choice=None)]])
 def test_where_forms_fall_short_of_what_stands_out_a_table_over_the_speed_is_tried(
     places: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of a resonance, ten times the background, the first forms were predicted to take too little (machine 73/7); of a
-    tight spot in a ball screw 0.7 all together, where 0.8 was asked."""
+    """Of a resonance the first forms promised nothing (machine 73/7), of a tight spot 0.7 where 0.8 is asked."""
     case = concealed(lambda w, phi: -0.1 * sgn(w) * np.exp(-(((np.abs(w) - 20) / 15) ** 2)))
     problem, calibrated = calibrate(case, Axis(), lambda words: None, Store(None))
     monkeypatch.setattr(unmodelled, "pointed_to", lambda problem, start, least, units: places)
-    monkeypatch.setattr(unmodelled, "_best", lambda *_: None)
     found = look_at_ports(problem, calibrated, [], lambda words: None, thresholds.ALONE)
     assert found is not None
-    assert found.finding.shape is not None
-    assert found.finding.shape.signal == "w"
     assert found.taken > thresholds.ALONE
+    assert getattr(found.finding.shape, "signal", None) == "w"
     monkeypatch.setattr(Problem, "stands_out", lambda self, residual: False)
     assert look_at_ports(problem, calibrated, [], lambda words: None, thresholds.ALONE) is None
 

@@ -146,7 +146,8 @@ def judge(diagnosis: Diagnosis, predict: Callable[[], Mapping[str, Mapping[str, 
         for name, figures in predicted.items():
             if role in diagnosis.channels[name]:
                 diagnosis.channels[name][role]["predicted"] = figures
-    if not predicts_worse(diagnosis.channels) if for_it else judged(diagnosis.channels) == "offered":
+    predicts = not predicts_worse(diagnosis.channels) if for_it else judged(diagnosis.channels) == "offered"
+    if predicts:
         return
     diagnosis.repair, diagnosis.verdict = "withheld", "undecided"
     kept = [f for f in diagnosis.findings if f.term not in diagnosis.calibrated]

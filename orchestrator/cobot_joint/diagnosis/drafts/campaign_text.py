@@ -184,8 +184,8 @@ def _motors_own(
         fitting = [c for c in connectors.values() if c.name not in chosen and c.unit and _fits(column, c)]
         own = [c.name for c in fitting if c.causality == "output" and "motor" in _words(c.name)]
         others = [c for c in columns if c is not column and converts(c.unit, column.unit)]
-        alone = not others or not (names_a_part(column.name) or not all(names_a_part(c.name) for c in others))
-        if alone and len(own) == 1 and len(fitting) > 1:
+        nobodys = not names_a_part(column.name) and all(names_a_part(c.name) for c in others)
+        if (not others or nobodys) and len(own) == 1 and len(fitting) > 1:
             could = among([c.name for c in fitting if c.name != own[0]], 3)
             found.append(Guess(column, own[0], f"the motor's, since a drive logs its own; it could be {could}"))
     return found

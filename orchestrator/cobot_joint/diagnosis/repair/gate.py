@@ -82,9 +82,12 @@ def _left(error: Mapping[str, float], others: Sequence[str]) -> float:
 
 
 def beyond_doubt(channels: Channels) -> bool:
-    """Whether free runs leave so little of the error that predictions from short distances need not be asked."""
+    """Whether free runs speak for the repair, and leave so little of the error of held-out runs that predictions from
+    short distances need not be asked, or nothing is held out."""
+    if judged(channels) == "withheld":
+        return False
     share = removed(channels)
-    return judged(channels) == "offered" and share is not None and share[0] > thresholds.HOLDS
+    return above_noise(channels, "holdout") is None or (share is not None and share[0] > thresholds.HOLDS)
 
 
 def predicts_worse(channels: Channels) -> bool:

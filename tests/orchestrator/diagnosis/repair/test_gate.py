@@ -178,6 +178,18 @@ def test_a_repair_that_leaves_half_of_the_error_in_free_runs_has_to_predict_no_w
     assert (diagnosis.repair, was_asked) == (repair, asked)
 
 
+def test_a_repair_that_fits_is_offered_without_predictions_where_nothing_is_held_out() -> None:
+    fitted = {"w": {"noise": 1.0, "train": {"nominal": 5.0, "calibrated": 2.0, "repaired": 1.8}}}
+    finding = Finding("axis.stribeck", (), 0.4, None, {}, dict(WHERE), 1e3)
+    diagnosis = Diagnosis("undecided", [finding], {}, {}, channels=fitted)
+
+    def predict() -> dict:
+        raise AssertionError("nothing can be judged by it")
+
+    judge(diagnosis, predict)
+    assert diagnosis.repair == "offered"
+
+
 def found_worse_in_free_training_runs() -> Diagnosis:
     finding = Finding("sensor.hysteresis", (), 0.9, None, {}, dict(WHERE), 1e3)
     return Diagnosis("explained", [finding], {}, {}, channels=channels(5.0, 2.0, 1.0, train=3.0))

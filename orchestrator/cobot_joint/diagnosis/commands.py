@@ -72,6 +72,7 @@ def diagnose(
     """
     from cobot_joint.diagnosis.checks.plausibility import plausible
     from cobot_joint.diagnosis.data.campaign import load_campaign
+    from cobot_joint.diagnosis.data.recording import said_once
     from cobot_joint.diagnosis.frequency.response import is_response
     from cobot_joint.diagnosis.report.words import left_out
     from cobot_joint.diagnosis.run import diagnose_campaign
@@ -92,9 +93,8 @@ def diagnose(
     with resumable(), _stages() as progress:
         limit = math.inf if within is None else within
         result = diagnose_campaign(loaded, folder, baseline=baseline, within=limit, progress=progress)
-    for recording in loaded.recordings:
-        for note in recording.notes:
-            console.print(f"[dim]{escape(recording.name)}: {escape(note)}[/dim]", soft_wrap=True)
+    for note in said_once([(r.name, r.notes) for r in loaded.recordings]):
+        console.print(f"[dim]{escape(note)}[/dim]", soft_wrap=True)
     console.print(f"\n[bold]{escape(result.sentence)}[/bold]", soft_wrap=True)
     content = result.diagnosis
     _warn_of_crashes(content)

@@ -159,6 +159,15 @@ def read_recording(
     )
 
 
+def said_once(notes: Sequence[tuple[str, Sequence[str]]]) -> list[str]:
+    """Notes of several recordings, (name, its notes) each: what holds of all once, anything else with their names."""
+    whose: dict[str, list[str]] = {}
+    for name, own in notes:
+        for note in dict.fromkeys(own):
+            whose.setdefault(note, []).append(name)
+    return [note if len(of) == len(notes) else f"{among(of, 3)}: {note}" for note, of in whose.items()]
+
+
 def _grouped(notes: list[str], channels: int) -> list[str]:
     """What holds of several channels, said once."""
     names: dict[str, list[str]] = {}

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.diagnosis.data.recording import ROWS, Column, Connector, Reading, Recording, read_recording
+from cobot_joint.diagnosis.data.recording import ROWS, Column, Connector, Reading, Recording, read_recording, said_once
 from cobot_joint.errors import UserError, among
 
 Vector = NDArray[np.float64]
@@ -54,18 +54,9 @@ def read_table(
         outputs={name: _at_the_ends(rows[name], len(time)) for name in outputs},
         scatter={name: _noise(runs, reading.table, [rows[n] for n in inputs], rows[name], name) for name in outputs},
         units={name: unit for r in runs for name, unit in r.units.items()},
-        notes=_notes(runs),
+        notes=said_once([(r.path.name if r.path else r.name, r.notes) for r in runs]),
         path=files[0],
     )
-
-
-def _notes(runs: Sequence[Recording]) -> list[str]:
-    """What holds of every file once, anything else with the names of its files."""
-    whose: dict[str, list[str]] = {}
-    for r in runs:
-        for note in dict.fromkeys(r.notes):
-            whose.setdefault(note, []).append(r.path.name if r.path else r.name)
-    return [note if len(of) == len(runs) else f"{among(of, 3)}: {note}" for note, of in whose.items()]
 
 
 def _rows(r: Recording, name: str, kind: str | None) -> Vector:

@@ -14,7 +14,7 @@ from cobot_joint.diagnosis.checks.suspicions import suspicions
 from cobot_joint.diagnosis.data.clock import regular_clock, unwrapped
 from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.diagnosis.data.quantity import convert, split_header
-from cobot_joint.diagnosis.data.recording import Column, Connector, Reading, Recording, read_recording
+from cobot_joint.diagnosis.data.recording import Column, Connector, Reading, Recording, read_recording, said_once
 from cobot_joint.errors import UserError
 
 CONNECTORS = {
@@ -155,6 +155,12 @@ def test_a_missing_channel_is_said_and_an_unknown_one_too(tmp_path: Path) -> Non
     assert "oil is not connected to the system and not used" in r.notes
     assert "i is not recorded and is not compared" in r.notes
     assert "v is not recorded and stays at its start value" in r.notes
+
+
+def test_what_holds_of_every_recording_is_said_once() -> None:
+    """An unused column was told four times, in a campaign of four recordings."""
+    oil, gap = "oil is not connected to the system and not used", "w has no value in 20 of 1000 samples, left out"
+    assert said_once([("01", [oil]), ("02", [oil, gap, gap]), ("03", [oil])]) == [oil, f"02: {gap}"]
 
 
 def test_units_of_the_header_are_converted(tmp_path: Path) -> None:

@@ -31,7 +31,12 @@ from cobot_joint.diagnosis.localization.localize import locate_difference
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import Plant, TermCandidate
 from cobot_joint.diagnosis.selection.elimination import worth_naming
-from cobot_joint.diagnosis.selection.external_loads import look_for_external_loads, look_for_unlogged_load
+from cobot_joint.diagnosis.selection.external_loads import (
+    look_for_external_loads,
+    look_for_onset,
+    look_for_unlogged_load,
+    term_in_place,
+)
 from cobot_joint.diagnosis.selection.misreading import Misread, look_for_misreading
 from cobot_joint.diagnosis.selection.mistimed import look_for_mistiming, still_late
 from cobot_joint.diagnosis.selection.outside import (
@@ -43,7 +48,7 @@ from cobot_joint.diagnosis.selection.outside import (
     look_outside,
     nearly_alone,
 )
-from cobot_joint.diagnosis.selection.selection import Selected, Selection
+from cobot_joint.diagnosis.selection.selection import Selection
 from cobot_joint.diagnosis.selection.some_recordings import some_of
 from cobot_joint.diagnosis.selection.stepwise import Selector
 from cobot_joint.diagnosis.selection.unlisted.held_against import look_beside_parameter, within_reach
@@ -343,9 +348,11 @@ def _selected(
         kept = worth_naming(problem, calibrated, listed)
         return Explanation(calibrated, kept.fit, listed, kept.selected)
     if loads := stage("external loads", lambda: look_for_external_loads(problem, listed, beside.select, say)):
-        return _term_in_place(problem, listed, loads, beside) or Explanation(
-            calibrated, loads.fit, listed, loads.selected, loads
-        )
+        if instead := term_in_place(problem, listed, loads, beside):
+            return Explanation(calibrated, instead.fit, instead, instead.selected)
+        return Explanation(calibrated, loads.fit, listed, loads.selected, loads)
+    if not given and (late := stage("terms that set in", lambda: look_for_onset(problem, listed, beside, say))):
+        listed = late
 
     def parameter() -> Outside | None:
         return nearly_alone(problem, listed, beside.beside, say) or beside_load(problem, listed, say)
@@ -357,19 +364,6 @@ def _selected(
         with_wave = stage("waves by the recorded angle", waves)
         listed = with_wave or listed
     return BeyondTheList(campaign, problem, listed, beside, say, store).explanation()
-
-
-def _term_in_place(problem: Problem, listed: Selection, loads: Unmodelled, selector: Selector) -> Explanation | None:
-    """A listed term that sets in where a step offset does and leaves as little: the offset was its first jump."""
-    if loads.finding.onset is None:
-        return None
-    start = listed.up_to(len(loads.selected))
-    found = selector.setting_in(start.fit, loads.finding.onset)
-    if found is None or found.cost > loads.fit.cost + thresholds.ALIKE:
-        return None
-    added = Selected(found.hypothesis.terms[-1].name, start.fit.cost - found.cost)
-    selection = replace(start, history=[*start.history, found], selected=[*start.selected, added])
-    return Explanation(listed.history[0], found, selection, selection.selected)
 
 
 def _terms(problem: Problem, only: Sequence[str]) -> list[TermCandidate]:

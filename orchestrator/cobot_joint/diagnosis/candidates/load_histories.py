@@ -52,13 +52,18 @@ def pulses(problem: Problem, start: Fit, port: Port, spans: Spans) -> Loads | No
 def step_offset(problem: Problem, start: Fit, port: Port, spans: Spans) -> Loads | None:
     """An offset that sets in where the largest trace begins; None: there is no span."""
     there = [n for n, r in enumerate(problem.recordings) if problem.plant.has(port.name, r)]
-    shown = [(n, span) for n in there if n in spans for span in spans[n]]
+    shown = {n: spans[n] for n in there if n in spans}
     if not shown:
         return None
-    n, (a, b) = max(shown, key=lambda each: _held(problem, start.residual, each[0], *each[1]))
     times = {problem.recordings[n].name: clock(problem, n) for n in there}
-    begins = _begins(problem, start.residual, n, a, b)
-    return _sized(problem, start, port, [StepOffset(port, times, 0.0, begins, LOCATED)])
+    return _sized(problem, start, port, [StepOffset(port, times, 0.0, begins(problem, start, shown), LOCATED)])
+
+
+def begins(problem: Problem, start: Fit, spans: Spans) -> float:
+    """When the largest trace does."""
+    shown = [(n, span) for n, of in spans.items() for span in of]
+    n, (a, b) = max(shown, key=lambda each: _held(problem, start.residual, each[0], *each[1]))
+    return _begins(problem, start.residual, n, a, b)
 
 
 def _sized(problem: Problem, start: Fit, port: Port, effects: Sequence[Acting]) -> Loads | None:

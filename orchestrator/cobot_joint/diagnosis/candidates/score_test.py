@@ -124,6 +124,12 @@ class Scan:
         wanted = [(t, s) for t in terms for s in (_shapes(t, orders) if t in whole else [_middle(t, orders)])]
         return self._run(fit, wanted, onset)
 
+    def secants(self, fit: Fit, found: Sequence[Score], onset: float, part: float) -> list[Column]:
+        """Columns of terms at the shapes that they were found at, over so large a part of the amplitudes found."""
+        wanted = [(s.term, {shape.name: s.values[shape.name] for shape in s.term.shapes}) for s in found]
+        lengths = {s.term.name: part * abs(s.values[s.term.amplitude] - s.term.neutral) for s in found}
+        return self._run(fit, wanted, onset, lengths)
+
     def _note_indistinguishable(self, terms: Sequence[TermCandidate], first: Mapping[str, Sequence[Column]]) -> None:
         """Terms of one name in units that respond alike: the first unit's leads."""
         families: dict[str, list[TermCandidate]] = {}
@@ -141,12 +147,17 @@ class Scan:
         return {simulated, *(t for t, other in self.indistinguishable.items() if other == simulated)}
 
     def _run(
-        self, fit: Fit, wanted: Sequence[tuple[TermCandidate, Mapping[str, float]]], onset: float | None = None
+        self,
+        fit: Fit,
+        wanted: Sequence[tuple[TermCandidate, Mapping[str, float]]],
+        onset: float | None = None,
+        lengths: Mapping[str, float] | None = None,
     ) -> list[Column]:
-        runs = []
+        """lengths: term -> amplitude of its runs, where that is not the probing one."""
+        runs, delta = [], self.probe if lengths is None else lengths
         for term, shape in wanted:
             late = {} if onset is None else {term.amplitude: onset}
-            runs += [run.with_values({}, late) for run in _probes(fit.run, term, shape, self.probe[term.name])]
+            runs += [run.with_values({}, late) for run in _probes(fit.run, term, shape, delta[term.name])]
         with self._told():
             known = self._simulated if fit.run.is_plain else None
             simulated = iter(self.problem.simulate(runs, fit.simulated, known=known))
@@ -154,8 +165,8 @@ class Scan:
         for term, shape in wanted:
             vectors = [next(simulated) for _ in range(2 if term.phase else 1)]
             if all(v is not None for v in vectors):
-                delta = self.probe[term.name]
-                columns.append(Column(term, shape, tuple((v.white - fit.simulated.white) / delta for v in vectors)))  # type: ignore[union-attr]
+                moved = [(v.white - fit.simulated.white) / delta[term.name] for v in vectors]  # type: ignore[union-attr]
+                columns.append(Column(term, shape, tuple(moved)))
         return [c for c in columns if all(v @ v > 0 for v in c.vectors)]
 
     @contextmanager

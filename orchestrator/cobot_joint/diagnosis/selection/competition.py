@@ -116,10 +116,11 @@ class Competition:
         little = best.cost - found.cost < thresholds.WORTH_FITTING * self.problem.above(best.residual)
         return found if little and not active.term.episode else self.with_onset(found)
 
-    def setting_in(self, best: Fit, ranked: Sequence[Score], onset: float) -> Fit | None:
-        """The best of the first few beside `best`, each off until about `onset`. None: none can be simulated."""
-        at_once = [self.sized(best, replace(score.active, onset=onset))[0] for score in ranked[:FITTED]]
-        fits = [found for active in at_once if (found := fit_added(self.problem, best, [active], ROUGH)) is not None]
+    def setting_in(self, best: Fit, found: Sequence[Score], onset: float) -> Fit | None:
+        """The best of those that do best as they are, each off until about `onset`. None: none can be simulated."""
+        tried = [self.sized(best, replace(score.active, onset=onset)) for score in found]
+        leading = [active for active, _ in sorted(tried, key=itemgetter(1))[:FITTED]]
+        fits = [fit for active in leading if (fit := fit_added(self.problem, best, [active], ROUGH)) is not None]
         lowest = min(fits, key=attrgetter("cost"), default=None)
         return self.finished(self.with_onset(lowest)) if lowest is not None else None
 

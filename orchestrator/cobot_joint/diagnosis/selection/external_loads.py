@@ -16,6 +16,7 @@ from cobot_joint.diagnosis.candidates.load_histories import (
     Loads,
     Spans,
     acting,
+    begins,
     clock,
     energy,
     fitted,
@@ -33,7 +34,7 @@ from cobot_joint.diagnosis.plant.correction import Product
 from cobot_joint.diagnosis.plant.plant import PROBE, Port
 from cobot_joint.diagnosis.selection.confidence import beside_background, confidence
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
-from cobot_joint.diagnosis.selection.stepwise import share
+from cobot_joint.diagnosis.selection.stepwise import Selector, share
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 
 FITTED = 4  # proposals at most
@@ -87,6 +88,40 @@ def look_for_unlogged_load(
         if answer.taken > thresholds.LOADS_TAKE and predicted_share(calibrated) < thresholds.HOLDS:
             return answer
     return None
+
+
+def look_for_onset(problem: Problem, listed: Selection, selector: Selector, say: Say) -> Selection | None:
+    """Where no load explains what is confined to short times: the listed term that sets in as they begin, and terms
+    beside it, if it takes as much as an offset has to. None: there is none.
+
+    The jump of a wave over an angle, as it sets in, rings so much that all the rest is short (machines 239/1, 241/2).
+    """
+    before, left = (problem.above(fit.residual) for fit in (listed.history[0], listed.fit))
+    if not problem.onsets or problem.is_table or not problem.stands_out(listed.fit.residual):
+        return None
+    for so_far in (listed, *([listed.up_to(0)] if listed.selected and left > thresholds.TERMS_STAND * before else [])):
+        start = so_far.fit
+        spans = short_times(problem, start.residual)
+        found = selector.setting_in(start, begins(problem, start, spans)) if spans else None
+        if found is None or problem.above(found.residual) > (1 - thresholds.HELD) * problem.above(start.residual):
+            continue
+        name = found.hypothesis.terms[-1].name
+        say(f"{name} sets in there, and takes {share(start.cost - found.cost, problem.above(start.residual))}")
+        selected = [*so_far.selected, Selected(name, start.cost - found.cost)]
+        return selector.further(replace(so_far, history=[*so_far.history, found], selected=selected, done=False))
+    return None
+
+
+def term_in_place(problem: Problem, listed: Selection, loads: Unmodelled, selector: Selector) -> Selection | None:
+    """A listed term that sets in where a step offset does and leaves as little: the offset was its first jump."""
+    if loads.finding.onset is None:
+        return None
+    start = listed.up_to(len(loads.selected))
+    found = selector.setting_in(start.fit, loads.finding.onset)
+    if found is None or found.cost > loads.fit.cost + thresholds.ALIKE:
+        return None
+    added = Selected(found.hypothesis.terms[-1].name, start.fit.cost - found.cost)
+    return replace(start, history=[*start.history, found], selected=[*start.selected, added])
 
 
 def short_times(problem: Problem, residual: Vector) -> Spans:

@@ -24,7 +24,7 @@ from cobot_joint.diagnosis.estimation.least_squares import (
 from cobot_joint.diagnosis.estimation.multiscale import out_of_local_minimum
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 from cobot_joint.diagnosis.findings import Candidate
-from cobot_joint.diagnosis.selection.competition import Competition, finished
+from cobot_joint.diagnosis.selection.competition import FITTED, Competition, finished
 from cobot_joint.diagnosis.selection.elimination import loss_without, without_needless
 from cobot_joint.diagnosis.selection.from_afar import look_from_afar
 from cobot_joint.diagnosis.selection.left_out import predicts
@@ -36,6 +36,7 @@ POINTED = 8  # terms that are looked at again after the first was added
 POSSIBLE = 4  # leading ones that are looked at as they are, where what is left stands out
 BESIDE = 2  # of them that are fitted in many recordings, where a later term may take less than it leaves
 PASSES = 3  # over the onsets of several terms
+SECANTS = (0.1, 0.3, 1.0)  # of the amplitude that small ones lead to
 LED_OUT = 4  # times at most, that a load's fit is led out of a local minimum
 SUBSET = 1e-8  # of the largest singular value, below which a column is not asked to stand in for another
 
@@ -264,11 +265,18 @@ class Selector:
         return look_from_afar(self.problem, best, [c for c in self._columns if c.term.name not in known])
 
     def setting_in(self, best: Fit, onset: float) -> Fit | None:
-        """The best listed term that is off until about then, beside a fit. None: none can be simulated."""
+        """The best listed term that is off until about then, beside a fit. None: none can be simulated.
+
+        What sets in over an angle is a jump first, of which a gap takes a part: secants of other lengths show more of
+        it. An eccentric pulley that takes 96 % was turned by half a radian by the first (machine 239/1).
+        """
         active = {a.name for a in best.hypothesis.terms}
         self.progress(f"terms that set in at {onset:.3g} s")
-        ranked = scores(self.problem, best, self.scan.setting_in(best, onset, skip=active))
-        return self.competition.setting_in(best, ranked, onset)
+        found = scores(self.problem, best, self.scan.setting_in(best, onset, skip=active))[: 2 * FITTED]
+        waves = [s for s in found if s.term.phase][:FITTED]
+        for part in SECANTS if waves else ():
+            found += scores(self.problem, best, self.scan.secants(best, waves, onset, part))
+        return self.competition.setting_in(best, found, onset)
 
     def predicted_share(self, best: Fit) -> float:
         """Share of what a fit leaves above noise that a term which acts for the whole time would take."""

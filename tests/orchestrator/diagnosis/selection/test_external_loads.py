@@ -23,7 +23,12 @@ from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.repair.verify import acted_on
 from cobot_joint.diagnosis.selection import external_loads
 from cobot_joint.diagnosis.selection.competition import finished
-from cobot_joint.diagnosis.selection.external_loads import look_for_external_loads, look_for_unlogged_load, short_times
+from cobot_joint.diagnosis.selection.external_loads import (
+    look_for_external_loads,
+    look_for_onset,
+    look_for_unlogged_load,
+    short_times,
+)
 from cobot_joint.diagnosis.selection.outside import beside_load
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.stepwise import Selector
@@ -148,6 +153,26 @@ def test_an_eccentricity_that_sets_in_with_a_jump_of_the_belt_is_named_with_its_
         assert last.values[f"{ecc}.A"] == pytest.approx(7e-4, rel=0.05)
         assert last.values[f"{ecc}.phi_0"] == pytest.approx(2.0, abs=0.05)
         assert not problem.unexplained(found.residual)
+
+
+def test_a_wave_that_sets_in_with_a_jump_which_is_not_all_of_it_is_named_with_its_time() -> None:
+    """It was no offset, since the wave goes on, and no term that was always there: nothing was named (machine 241/2)."""
+    error = "planetary_gear.transmission_error"
+    concealed = {f"{error}.A": 6e-3, f"{error}.phi_0": 3.3, f"{error}.n": 4.0}
+    with calibrated(concealed, onsets={f"{error}.A": 1.5}) as (problem, base):
+        terms = [
+            t for t in problem.plant.terms if t.name.split(".")[1] in ("transmission_error", "backlash", "windage")
+        ]
+        selector = Selector(problem, Scan(problem, terms), silent)
+        selector.scan.columns(base)
+        assert look_for_external_loads(problem, nothing(base), nothing, silent) is None
+        found = look_for_onset(problem, nothing(base), selector, silent)
+        assert found is not None
+        assert [s.term for s in found.selected] == [error]
+        (first,) = found.fit.settled().hypothesis.terms
+        assert first.onset == pytest.approx(1.5, abs=2e-3)
+        assert first.values[f"{error}.n"] == 4.0
+        assert first.values[f"{error}.A"] == pytest.approx(6e-3, rel=0.02)
 
 
 @pytest.mark.long

@@ -16,8 +16,8 @@ from cobot_joint.diagnosis.anchored.answer import diagnosis as anchored_diagnosi
 from cobot_joint.diagnosis.anchored.follow import can_follow, motion_is_given
 from cobot_joint.diagnosis.anchored.free_runs import in_free_runs, predicts_better
 from cobot_joint.diagnosis.budget import Budget
+from cobot_joint.diagnosis.candidates.scan import Scan
 from cobot_joint.diagnosis.candidates.scan_ranges import driven
-from cobot_joint.diagnosis.candidates.score_test import Scan
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.estimation.calibrate import basis, calibrate, watched
 from cobot_joint.diagnosis.estimation.fit import Fit

@@ -13,7 +13,7 @@ from scipy.optimize import lsq_linear
 from scipy.signal import lfilter
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from cobot_joint.diagnosis.candidates.score_test import Scan
+from cobot_joint.diagnosis.candidates.scan import Scan
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.engine import diagnose_plant, identify, verdict
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm

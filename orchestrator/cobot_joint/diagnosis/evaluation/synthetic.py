@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cobot_joint.diagnosis.candidates.score_test import Scan
+from cobot_joint.diagnosis.candidates.scan import Scan
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm

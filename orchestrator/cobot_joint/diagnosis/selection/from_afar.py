@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from cobot_joint.diagnosis import thresholds
-from cobot_joint.diagnosis.candidates.score_test import SEGMENTS, Column
+from cobot_joint.diagnosis.candidates.columns import Column
+from cobot_joint.diagnosis.candidates.score_test import SEGMENTS
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.multiscale import Averaged, slow_first, slow_part

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cobot_joint.diagnosis import thresholds
-from cobot_joint.diagnosis.candidates.score_test import Scan, scores
+from cobot_joint.diagnosis.candidates.scan import Scan
+from cobot_joint.diagnosis.candidates.score_test import scores
 from cobot_joint.diagnosis.data.recording import LARGEST
 from cobot_joint.diagnosis.estimation.channels import Reading, Stamps
 from cobot_joint.diagnosis.estimation.fit import Fit

@@ -10,7 +10,9 @@ from operator import attrgetter
 import numpy as np
 
 from cobot_joint.diagnosis import thresholds
-from cobot_joint.diagnosis.candidates.score_test import Column, Scan, Score, scores
+from cobot_joint.diagnosis.candidates.columns import Column
+from cobot_joint.diagnosis.candidates.scan import Scan
+from cobot_joint.diagnosis.candidates.score_test import Score, scores
 from cobot_joint.diagnosis.estimation.calibrate import SETTLED
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cobot_joint.diagnosis.candidates.score_test import Scan, ScoreTest, scores
+from cobot_joint.diagnosis.candidates.scan import Scan
+from cobot_joint.diagnosis.candidates.score_test import ScoreTest, scores
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit, fit_added

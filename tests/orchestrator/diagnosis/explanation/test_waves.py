@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cobot_joint.diagnosis.anchored.search import Search
-from cobot_joint.diagnosis.candidates.score_test import Scan
+from cobot_joint.diagnosis.candidates.scan import Scan
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.estimation.calibrate import calibrate
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm

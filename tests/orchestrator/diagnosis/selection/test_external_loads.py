@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cobot_joint.diagnosis.candidates.load_histories import frozen_meanwhile
-from cobot_joint.diagnosis.candidates.score_test import Scan
+from cobot_joint.diagnosis.candidates.scan import Scan
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.engine import identify
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm, LoadPulse
@@ -156,7 +156,7 @@ def test_an_eccentricity_that_sets_in_with_a_jump_of_the_belt_is_named_with_its_
 
 
 def test_a_wave_that_sets_in_with_a_jump_which_is_not_all_of_it_is_named_with_its_time() -> None:
-    """It was no offset, since the wave goes on, and no term that was always there: nothing was named (machine 241/2)."""
+    """It was no offset, since the wave goes on, nor always there: nothing was named (machine 241/2)."""
     error = "planetary_gear.transmission_error"
     concealed = {f"{error}.A": 6e-3, f"{error}.phi_0": 3.3, f"{error}.n": 4.0}
     with calibrated(concealed, onsets={f"{error}.A": 1.5}) as (problem, base):

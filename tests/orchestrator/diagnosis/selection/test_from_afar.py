@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cobot_joint.diagnosis.candidates.score_test import SEGMENTS, Column
+from cobot_joint.diagnosis.candidates.columns import Column
+from cobot_joint.diagnosis.candidates.score_test import SEGMENTS
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm, BaseParameter
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cobot_joint.diagnosis.candidates.score_test import Scan
+from cobot_joint.diagnosis.candidates.scan import Scan
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.engine import diagnose_plant, identify
 from cobot_joint.diagnosis.estimation.channels import Reading

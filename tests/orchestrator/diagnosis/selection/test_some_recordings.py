@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from cobot_joint.diagnosis.candidates.formulas import Dictionary
-from cobot_joint.diagnosis.candidates.score_test import Scan, scores
+from cobot_joint.diagnosis.candidates.scan import Scan
+from cobot_joint.diagnosis.candidates.score_test import scores
 from cobot_joint.diagnosis.candidates.tables import COARSE, look_for_table
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.estimation.calibrate import calibrate

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from cobot_joint.diagnosis.candidates.score_test import Column, Scan, scores
+from cobot_joint.diagnosis.candidates.columns import Column
+from cobot_joint.diagnosis.candidates.scan import Scan
+from cobot_joint.diagnosis.candidates.score_test import scores
 from cobot_joint.diagnosis.data.campaign import Campaign, load_campaign
 from cobot_joint.diagnosis.engine import identify
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm

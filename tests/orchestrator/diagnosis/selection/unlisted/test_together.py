@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.candidates.scan import Scan
 from cobot_joint.diagnosis.candidates.scan_ranges import driven
-from cobot_joint.diagnosis.candidates.score_test import Scan
 from cobot_joint.diagnosis.estimation.calibrate import calibrate
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem, one_blas_thread

@@ -343,13 +343,13 @@ class Searcher:
         """A base parameter is an answer of its own where its tolerance holds it back: by as much as the recordings are
         less likely at the bound."""
         off, sigma = at.corrections[name := candidate.term.name]
-        value, (low, high) = self._value(found, name) + off, self.bounds[name]
+        p, (low, high) = self.plant.parameters[name], self.bounds[name]
+        value = float(np.clip(self._value(found, name) + off, p.lower, p.upper))
         beyond = max(value - high, low - value)
         if beyond <= 0:
             return None
         evidence = 0.5 * (beyond / sigma) ** 2 - 0.5 * float(np.log(at.regression.readings))
-        p = self.plant.parameters[name]
-        return replace(candidate, values={name: float(np.clip(value, p.lower, p.upper))}, evidence=evidence)
+        return replace(candidate, values={name: value}, evidence=evidence)
 
     def _with(self, found: Search, named: Named) -> Search:
         """With one term more."""

@@ -21,6 +21,8 @@ JITTER = 1e-3  # steps by which a stamp may miss the regular clock before its sa
 MEDIAN = 5  # samples of a running median: one or two in a row are wild, three are motion
 FAR = 20.0  # times the range of all but a hundredth of the samples
 WHOLE = 0.01  # of a turn, by which what jumps by one may miss it
+SPIKE, SPIKES = 4.0, 5  # times what any other departs by, and how many single samples may stand out alone
+ALONE = 0.1  # of the range, that they depart by: so far no corner of a computed signal does
 LEAST = 50  # samples from which on a range is one
 
 
@@ -160,11 +162,12 @@ def resample(
     return np.where(lost, np.nan, series)
 
 
-def without_wild(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], int, str]:
+def without_wild(x: NDArray[np.float64], measured: bool = False) -> tuple[NDArray[np.float64], int, str]:
     """The series with NaN (not recorded) for wild samples, (n,), and what was taken out: how many, and in words.
 
     Samples that no machine makes, a bit that fell over on the way: one of them outweighs all others in a fit. Told by a
     running median (Hampel 1974, J. Am. Stat. Assoc. 69(346)), since that of five follows whatever lasts for three.
+    measured: not commanded; then a few single samples, too, that stand out alone.
     """
     known = np.flatnonzero(np.isfinite(x))
     if len(known) < LEAST:
@@ -172,13 +175,34 @@ def without_wild(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], int, str]
     y = x[known]
     low, high = np.quantile(y, [0.005, 0.995])
     wild = known[np.abs(y - median_filter(y, MEDIAN, mode="nearest")) > FAR * (high - low)]
+    where = f"far outside, first {{:.4g}} among {low:.4g} to {high:.4g}"
+    if measured and high > low and not len(wild) and len(at := alone(y, high - low)):
+        wild, where = known[at], f"apart from those before and after, first {{:.4g}} after {y[at[0] - 1]:.4g}"
     if high <= low or not len(wild):
         return x, 0, ""
     left = x.copy()
     left[wild] = np.nan
     count = "1 sample lies" if len(wild) == 1 else f"{len(wild)} samples lie"
-    words = f"{count} far outside, first {x[wild[0]]:.4g} among {low:.4g} to {high:.4g}: taken as not recorded"
-    return left, len(wild), words
+    return left, len(wild), f"{count} {where.format(x[wild[0]])}: taken as not recorded"
+
+
+def alone(y: NDArray[np.float64], reach: float) -> NDArray[np.intp]:
+    """Which single samples, a few at most, depart from the mean of both neighbours by far more than any other does, and
+    by much of what the signal goes through, while the neighbours agree: an impact or an edge goes on."""
+    apart = np.zeros(len(y))
+    apart[1:-1] = np.abs(y[1:-1] - (y[:-2] + y[2:]) / 2)
+    agree = np.zeros(len(y), dtype=bool)
+    agree[1:-1] = np.abs(y[2:] - y[:-2]) < apart[1:-1] / SPIKE
+    others, found = apart.copy(), list[int]()
+    for _ in range(SPIKES):
+        k = int(np.argmax(others))
+        if not agree[k] or apart[k] < ALONE * reach:
+            break
+        found.append(k)
+        others[max(k - 1, 0) : k + 2] = 0.0  # what its neighbours depart by is its own
+        if apart[k] > SPIKE * others.max():
+            return np.array(sorted(found), dtype=np.intp)
+    return np.array([], dtype=np.intp)
 
 
 def unwrapped(x: NDArray[np.float64], turn: float) -> tuple[NDArray[np.float64], int]:

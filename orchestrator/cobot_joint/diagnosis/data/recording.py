@@ -133,7 +133,7 @@ def read_recording(
         channel = channel if steady else _going_on(channel, header, column, counted, notes)
         values, units[name] = _in_unit(path, channel, header, column, counted, notes)
         if not steady and not column.believed:
-            values, count, words = without_wild(values)
+            values, count, words = without_wild(values, measured=connectors[name].causality == "output")
             left_out += [LeftOut(name, "outlier", count, words)] if count else []
         series = resample(channel.name, channel.time, values, time, said)
         if connectors[name].causality == "input":

@@ -17,6 +17,8 @@ from cobot_joint.diagnosis.findings import Estimate
 Stretches = NDArray[np.intp]
 NORMAL = 1.96  # sigma of a 95 % interval
 AT_BOUND = 1e-6  # of a natural step, within which a coordinate is at its bound
+STRAINED, FEWEST = 0.25, 3  # share of the base parameters, and how many, that end at the ends of their tolerances: what
+# was rightly named on the 72 campaigns of proof/ and ../shared/recordings/field/open left 3 of 16 there at most
 
 
 @dataclass
@@ -99,6 +101,12 @@ class Fit:
         """Components whose terms have a value that ends at what it may be."""
         coordinates = enumerate(self.hypothesis.coordinates)
         return {c.component for k, c in coordinates if c.kind != "base" and self._at(k)}
+
+    @property
+    def is_strained(self) -> bool:
+        """Whether so many base parameters end at the ends of their tolerances that the machine is no healthy one."""
+        ends = [bool(self._at(k)) for k, c in enumerate(self.hypothesis.coordinates) if c.kind == "base"]
+        return sum(ends) >= max(FEWEST, STRAINED * len(ends))
 
     def _at(self, k: int) -> Literal["lower", "upper"] | None:
         """The bound at which coordinate k is."""

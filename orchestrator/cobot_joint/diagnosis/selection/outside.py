@@ -112,7 +112,9 @@ def look_outside(
         slack = thresholds.ALIKE + thresholds.ALIKE_SHARE * max(problem.excess(explained.residual), 0.0)
         slow = not selected and _takes_what_is_slow(problem, calibrated, explained, best)
         nearly = max(slack, thresholds.HARDLY_LEFT_SHARE * taken) if _beyond_what_was_driven(explained) else slack
-        alone = slow or gain >= taken - (nearly if selected else 0.0)
+        strained = bool(selected) and explained.is_strained and not best.is_strained
+        abreast = strained and gain >= thresholds.ABREAST * taken
+        alone = slow or abreast or gain >= taken - (nearly if selected else 0.0)
         instead = len(selected) > 1 and gain >= thresholds.ALONE * first
         more = _with_terms(problem, best, select) if alone or instead or beside else None
         needs_fewer = (

@@ -14,11 +14,12 @@ import pytest
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored import beside, tracks
-from cobot_joint.diagnosis.anchored.beside import Predicted
+from cobot_joint.diagnosis.anchored.beside import Candidate, Predicted
 from cobot_joint.diagnosis.anchored.search import Named, Search, Searcher, confidence
 from cobot_joint.diagnosis.anchored.tracks import Tracker
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
+from cobot_joint.diagnosis.plant.plant import Parameter
 from cobot_joint.diagnosis.state_estimation.latents import structure
 from cobot_joint.system.read import load_system
 from tests.orchestrator.diagnosis.state_estimation.rig import NOISE, clock, recorded, run
@@ -199,6 +200,19 @@ def test_the_search_goes_on_after_two_terms_were_held_against_each_other(monkeyp
     monkeypatch.setattr(Searcher, "_next", lambda self, found, at: 2 * following(self, found, at))
     values = {"motor_bldc.cogging.A": 3e-3, "motor_bldc.cogging.n": 7.0, "motor_bldc.cogging.phi_0": 0.8}
     assert [named.name for named in search(values).named] == ["motor_bldc.cogging"]
+
+
+@pytest.mark.parametrize(("upper", "outside"), [(1.0, False), (2.0, True)])
+def test_a_parameter_is_outside_its_tolerance_only_where_its_unit_allows_that(upper: float, outside: bool) -> None:
+    parameters = {"gear.mesh.eta": Parameter("gear.mesh.eta", 1.0, "1", 0.01, upper)}
+    plant: Any = SimpleNamespace(parameters=parameters)
+    nothing: Any = None
+    searcher = Searcher(plant, nothing, {"gear.mesh.eta": (0.94, 1.0)}, [], lambda words: None, ())
+    term: Any = SimpleNamespace(name="gear.mesh.eta")
+    at: Any = SimpleNamespace(corrections={"gear.mesh.eta": (0.2, 0.001)}, regression=SimpleNamespace(readings=1000))
+    found = searcher._outside(Search(), at, Candidate(term, {}, None, nothing, 100.0, nothing))
+    assert (found is not None) == outside
+    assert found is None or found.values == {"gear.mesh.eta": 1.2}
 
 
 def test_a_background_alone_is_given_no_name() -> None:

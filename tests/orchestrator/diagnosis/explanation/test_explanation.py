@@ -15,7 +15,7 @@ from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.explanation.explanation import Explanation, answer
 from cobot_joint.diagnosis.findings import Estimate
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
-from tests.orchestrator.diagnosis.axis import NOISE, TERMS, Axis, campaign
+from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, TERMS, Axis, campaign
 
 
 @pytest.mark.parametrize(("interval", "claimed"), [((0.5e-5, 1.5e-5), True), ((-0.5e-5, 2.5e-5), False)])
@@ -85,3 +85,23 @@ def test_a_curve_that_bends_beyond_the_speeds_driven_is_no_claim_where_no_parame
     (finding,) = answer(problem, Explanation(base, found, selection, selection.selected)).findings
     assert (finding.confidence >= 0.5) == claimed
     assert ("bends beyond the speeds driven" in finding.limited_by) != claimed
+
+
+@pytest.mark.parametrize(("ends", "claimed"), [(2, True), (3, False)])
+def test_a_term_that_needs_many_parameters_at_the_ends_of_their_tolerances_is_no_claim(
+    ends: int, claimed: bool
+) -> None:
+    """Gravity on a robot's link, 95 % sure, with 7 parameters of 14 there, was a wrong torque constant."""
+    case = campaign({"axis.windage.c": 1e-5})
+    problem = Problem(Axis(), case.train, {"w": Noise(NOISE)})
+    bounds = {name: (0.9 * value, 1.1 * value) for name, value in NOMINAL.items()}
+    base = fit(problem, Hypothesis(tolerances(problem, bounds)))
+    assert base is not None
+    found = fit(problem, base.hypothesis.with_effects(ActiveTerm(TERMS[0], {"axis.windage.c": 1e-5})))
+    assert found is not None
+    x = found.x.copy()
+    x[:4] = np.where(np.arange(4) < ends, 1.0, 0.5)
+    selection = Selection([base, found], [Selected("axis.windage", base.cost - found.cost)])
+    (finding,) = answer(problem, Explanation(base, replace(found, x=x), selection, selection.selected)).findings
+    assert (finding.confidence >= 0.5) == claimed
+    assert ("ends of their tolerances" in finding.limited_by) != claimed

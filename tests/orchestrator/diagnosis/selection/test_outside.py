@@ -39,7 +39,7 @@ from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.unlisted import held_against
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled, look_at_ports
 from cobot_joint.diagnosis.store import Store
-from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, Axis, Driven, campaign, weak_drive
+from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, TERMS, Axis, Driven, campaign, weak_drive
 
 
 def test_beside_it_a_form_on_no_list_is_told_from_the_term_that_patches_both() -> None:
@@ -101,6 +101,25 @@ def test_another_parameter_that_would_leave_as_little_is_said_with_it() -> None:
     case = replace(case, tolerances={**case.tolerances, "load.J": Tolerance(relative=0.1)})
     (found,) = diagnose_plant(case, TwoBodies()).findings
     assert {found.term, *found.equivalent} == {"axis.J", "load.J"}
+
+
+@pytest.mark.parametrize("strained", [True, False])
+def test_where_a_term_needs_many_parameters_at_their_ends_one_that_takes_nearly_as_much_is_found(
+    strained: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Gravity on a robot's link took 96.4 % with seven of them there, a wrong mass, radius or torque constant 94.8 %."""
+    case = campaign({"axis.windage.c": 3e-5})
+    problem, base = calibrate(case, Axis(), lambda words: None, Store(None))
+    listed = fit_added(problem, base, [ActiveTerm(TERMS[0], {"axis.windage.c": 1e-6})], finished(2, steps=30))
+    assert listed is not None
+    monkeypatch.setattr(Fit, "is_strained", property(lambda found: strained and bool(found.hypothesis.terms)))
+    taken = Selected("axis.windage", base.cost - listed.cost)
+    found = look_outside(problem, base, listed, [taken], lambda best: Selection([best]), lambda words: None)
+    if strained:
+        assert isinstance(found, Outside)
+        assert thresholds.ABREAST * taken.gain < found.gain < taken.gain
+    else:
+        assert found is None
 
 
 def test_a_listed_term_beside_it_is_named_as_well() -> None:

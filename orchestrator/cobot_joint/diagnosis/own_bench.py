@@ -48,11 +48,14 @@ def inspect(
     from cobot_joint.diagnosis.data.delimited import Layout
     from cobot_joint.results.draw import draw
     from cobot_joint.results.figures import Picture, over_time
+    from cobot_joint.system.read import find_system
 
     if system is not None and Path(system).suffix == ".toml":
         raise UserError(
             f"--system {system} is given, a campaign; the .ssd or .ssp that it has as its system is allowed"
         )
+    if system is not None:
+        find_system(system)  # before logs are read for minutes
     found = [inspect_log(path, time, Layout(skip, separator, encoding)) for path in logs]
     for path, i in zip(logs, found, strict=True):
         _show(path, i)
@@ -207,6 +210,8 @@ def new(
             help="From a data sheet: 'motor.torque_constant=38.5 mNm/A'; repeatable.",
         ),
     ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Write over what lies in the folder.")] = False,
+    list_: Annotated[bool, typer.Option("--list", help="Show what --set takes, and write nothing.")] = False,
 ) -> None:
     """Write a readable system (.ssd) and a campaign for a machine of your own."""
     from cobot_joint.diagnosis.drafts.chain import Chain, with_data_sheet, write_readable
@@ -224,10 +229,13 @@ def new(
             f"new: --chain {chain} is given, and nothing drives its first part; motor, loop, motion, load, link, "
             "pendulum, screw or friction is allowed there"
         )
+    if list_:
+        _list_parameters(made)
+        return
     folder = results_folder(out)
     for name in ("system.ssd", "campaign.toml"):
-        if (folder / name).exists():
-            raise UserError(f"{folder / name} is there already; --out names another folder")
+        if (folder / name).exists() and not overwrite:
+            raise UserError(f"{folder / name} is there already; --out names another folder, --overwrite writes over it")
     words = [(name, part.words) for name, part in made.parts.items()]
     console.print(write_readable(made.system, words, folder / "system.ssd"), soft_wrap=True)
     if chain:
@@ -235,6 +243,22 @@ def new(
     console.print(*_ringing(made), *_commanded(made, values), sep="", end="")
     (folder / "campaign.toml").write_text(_campaign(made.system, folder), encoding="utf-8")
     console.print(folder / "campaign.toml", soft_wrap=True)
+
+
+def _list_parameters(made: Chain) -> None:
+    """Every parameter that a value may be given for, those of data sheets first."""
+    grid = Table()
+    for name in ("--set", "value", "unit", "what it is"):
+        grid.add_column(name, justify="right" if name == "value" else "left")
+    for c in made.system.components:
+        sheet = made.parts[c.name].data_sheet if c.name in made.parts else ()
+        every = [n for n, v in c.unit.variables.items() if v.causality == "parameter" and v.type == "Real"]
+        for n in (*sheet, *(n for n in every if n not in sheet)):
+            value = float(c.parameters.get(n, c.unit.variables[n].start) or 0.0)
+            unit, words = c.unit.unit_of(n) or "1", c.unit.variables[n].description or ""
+            grid.add_row(escape(f"{c.name}.{n}"), f"{value:g}", escape(unit), escape(words))
+        grid.add_section()
+    console.print(grid)
 
 
 def _shaft(made: Chain, given: Collection[str]) -> list[str]:

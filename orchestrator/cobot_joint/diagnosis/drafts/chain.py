@@ -141,12 +141,14 @@ PARTS: dict[str, Part] = {
 }  # fmt: skip
 ALIASES = {  # as data sheets call them
     "terminal_resistance": "winding.R", "terminal_inductance": "winding.L", "torque_constant": "winding.k",
-    "k_M": "winding.k", "k_t": "winding.k", "rotor_inertia": "rotor.J", "J": "rotor.J", "reduction": "ratio.N",
+    "k_M": "winding.k", "k_t": "winding.k", "rotor_inertia": "rotor.J", "reduction": "ratio.N",
     "gear_ratio": "ratio.N", "ratio": "ratio.N", "i": "ratio.N", "efficiency": "mesh.eta", "backlash": "mesh.b",
-    "stiffness": "mesh.c", "rated_torque": "amplifier.tau_rated", "mass": "body.m", "inertia": "body.J",
+    "stiffness": "mesh.c", "rated_torque": "amplifier.tau_rated",
     "supply_voltage": "inverter.v_bus", "pitch": "body.lead", "coulomb_friction": "friction.tau_C",
-    "viscous_friction": "friction.d",
+    "viscous_friction": "friction.d", "quadratic": "windage.c", "fan": "windage.c", "windage": "windage.c",
 }  # fmt: skip
+INERTIA = ("rotor.J", "body.J", "arm.J_l", "wave_generator.J_coupled", "eccentric.J_coupled", "housing.J_coupled")
+SEVERAL = {"J": INERTIA, "inertia": INERTIA, "input_inertia": INERTIA, "mass": ("body.m", "arm.m")}  # by the unit
 
 
 @dataclass(frozen=True)
@@ -262,8 +264,8 @@ def _parameter(key: str, wanted: str, unit: Unit) -> str:
     """The parameter of that path, data-sheet name, or only one whose path ends so."""
     every = [n for n, v in unit.variables.items() if v.causality == "parameter"]  # with choices, by their names
     real = [n for n in every if unit.variables[n].type == "Real"]
-    alias = ALIASES.get(wanted, wanted)
-    found = [n for n in every if n == alias] or [n for n in real if n.endswith(f".{wanted}")]
+    aliases = SEVERAL.get(wanted, (ALIASES.get(wanted, wanted),))
+    found = [n for n in aliases if n in every][:1] or [n for n in real if n.endswith(f".{wanted}")]
     found = found or [n for n in every if n.endswith(f".{wanted}")]
     base = [n for n in found if n in {p for part in PARTS.values() for p in part.data_sheet}]
     found = base or found
@@ -276,7 +278,7 @@ def _parameter(key: str, wanted: str, unit: Unit) -> str:
         others = among(list(dict.fromkeys([*near, *like])) or [n for n in every if n not in sheet], 5)
         raise UserError(
             f"--set {key}: there is no such parameter; its data sheet has {among(sheet, 20)}; any other of the unit "
-            f"is allowed too, as {others}"
+            f"is allowed too, as {others}; --list shows all"
         )
     return found[0]
 

@@ -51,7 +51,9 @@ def verdict_sentence(d: Json, terms: Mapping[str, TermText]) -> str:
         said = "The recordings differ from the system by more than noise and tolerances, and no explanation stands out"
         return f"{said}{_farthest_off(d['channels'])}{_largest(d.get('discrepancy') or [])}."
     if d.get("repair") == "withheld":
-        worse = "fits no better than a re-fit" if fails(d["channels"]) == "train" else "fits, but does not predict"
+        together, verb, does = ("together ", "fit", "do") if len(findings) > 1 else ("", "fits", "does")
+        no_better, predicts = f"{verb} no better than a re-fit", f"{verb}, but {does} not predict"
+        worse = together + (no_better if fails(d["channels"]) == "train" else predicts)
         return f"Undecided: {_suspects(findings, terms)} {worse}: the repair is withheld."
     nothing_claimed = max(f.get("confidence") or 0.0 for f in findings) < thresholds.EVEN
     claims = [f for f in findings if nothing_claimed or (f.get("confidence") or 0.0) >= thresholds.EVEN]

@@ -210,3 +210,5 @@ def test_a_repair_that_fits_worse_is_not_said_to_predict_worse() -> None:
     said = diagnosis.to_json()
     assert "fits no better than a re-fit" in verdict_sentence(said, {})
     assert notes(said)[0] == "what was found fits the training runs worse than the re-fitted base model"
+    both = {**said, "findings": 2 * said["findings"]}
+    assert "together fit no better than a re-fit" in verdict_sentence(both, {})

@@ -107,7 +107,7 @@ def test_another_parameter_that_would_leave_as_little_is_said_with_it() -> None:
 def test_where_a_term_needs_many_parameters_at_their_ends_one_that_takes_nearly_as_much_is_found(
     strained: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Gravity on a robot's link took 96.4 % with seven of them there, a wrong mass, radius or torque constant 94.8 %."""
+    """Gravity on a robot's link took 96.4 % with seven of them there, a wrong mass 94.8 % with three."""
     case = campaign({"axis.windage.c": 3e-5})
     problem, base = calibrate(case, Axis(), lambda words: None, Store(None))
     listed = fit_added(problem, base, [ActiveTerm(TERMS[0], {"axis.windage.c": 1e-6})], finished(2, steps=30))

@@ -14,7 +14,7 @@ import numpy as np
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.answer import diagnosis as anchored_diagnosis
 from cobot_joint.diagnosis.anchored.follow import can_follow, motion_is_given
-from cobot_joint.diagnosis.anchored.free_runs import in_free_runs, predicts_better
+from cobot_joint.diagnosis.anchored.free_runs import in_free_runs, predicts_better, spoils
 from cobot_joint.diagnosis.budget import Budget
 from cobot_joint.diagnosis.candidates.scan import Scan
 from cobot_joint.diagnosis.candidates.scan_ranges import driven
@@ -152,8 +152,19 @@ def explain(
         search, units = explanation.anchored, units_of(problem)
         along = anchored_diagnosis(search, units)
         predicts = partial(predicts_better, campaign)
-        return in_free_runs(problem, along, search, explanation.calibrated, units, predicts), explanation
+        along = in_free_runs(problem, along, search, explanation.calibrated, units, predicts)
+        if not (_takes_half(problem, explanation) and spoils(problem, along, search, explanation.calibrated)):
+            return along, explanation
+        found = answer(problem, replace(explanation, selected=explanation.selection.selected, anchored=None))
+        found.findings = [f.withheld("the recorded motion names something else") for f in found.findings]
+        return found, explanation
     return answer(problem, explanation), explanation
+
+
+def _takes_half(problem: Problem, explanation: Explanation) -> bool:
+    """Whether listed terms that were found take half of what is above noise in free runs."""
+    listed, left = explanation.selection, (1 - thresholds.HOLDS) * problem.above(explanation.calibrated.residual)
+    return bool(listed.selected) and problem.above(listed.fit.residual) < left
 
 
 def identify(campaign: Campaign, plant: Plant) -> Diagnosis:

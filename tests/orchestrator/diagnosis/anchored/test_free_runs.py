@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis import engine, thresholds
 from cobot_joint.diagnosis.anchored import free_runs
 from cobot_joint.diagnosis.anchored.search import Named, Search, confidence
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.estimation.problem import Run
+from cobot_joint.diagnosis.explanation.explanation import Explanation
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding
 from cobot_joint.diagnosis.plant.plant import TermCandidate
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
@@ -151,3 +152,34 @@ def test_a_term_with_its_onset_predicts_better_than_none_and_none_no_better_than
     late = {name: ONSET for name in CONCEALED if "cogging" in name}
     assert free_runs.predicts_better(case, CONCEALED, {}, late)
     assert not free_runs.predicts_better(case, {}, CONCEALED, late)
+
+
+@pytest.mark.parametrize(
+    ("listed_takes", "off", "answered"), [(0.65, 3.0, "listed"), (0.65, 1.2, "motion"), (0.3, 3.0, "motion")]
+)
+def test_where_what_the_motion_names_spoils_free_runs_listed_terms_that_take_half_come_closest_and_claim_nothing(
+    listed_takes: float, off: float, answered: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A wheel's Stribeck friction and weight took 65 %, and were a gap and an angle error that made the runs worse."""
+    samples, before = 10, 100.0
+    rest: Any = SimpleNamespace(
+        samples=samples,
+        recorded=np.array([np.sqrt(off * before + samples)]),
+        simulate=lambda runs: [SimpleNamespace(white=np.zeros(1))],
+        above=lambda residual: residual,
+        budget=SimpleNamespace(kept=lambda name, look: look()),
+    )
+    calibrated: Any = SimpleNamespace(residual=before, chi2=before + samples)
+    listed: Any = SimpleNamespace(residual=(1 - listed_takes) * before)
+    selection = Selection([calibrated, listed], [Selected("motor.stribeck", 65.0)])
+    told = Explanation(calibrated, listed, selection, [], anchored=Search())
+    monkeypatch.setattr(engine, "_select", lambda *_: told)
+    monkeypatch.setattr(engine, "units_of", lambda problem: {})
+    monkeypatch.setattr(engine, "anchored_diagnosis", lambda search, units: found("gear.backlash"))
+    monkeypatch.setattr(engine, "in_free_runs", lambda problem, along, *_: along)
+    monkeypatch.setattr(engine, "answer", lambda problem, explanation: found(*(s.term for s in explanation.selected)))
+    nothing: Any = None
+    diagnosis, _ = engine.explain(nothing, rest, calibrated, lambda words: None, nothing)
+    (finding,) = diagnosis.findings
+    assert finding.term == {"listed": "motor.stribeck", "motion": "gear.backlash"}[answered]
+    assert (finding.confidence < thresholds.EVEN) == (answered == "listed")

@@ -149,10 +149,10 @@ def resample(
         | (clock > t[-1] + JITTER * step)
     )
     between_two = (miss > JITTER * step) & ~lost
-    alone = between_two & (width > (GAP - 1) * max(own, step))
-    moved = between_two & ~alone
-    if alone.any():
-        notes.append(f"{name}: {int(alone.sum())} of {len(clock)} samples are missing singly, bridged")
+    singly = between_two & (width > (GAP - 1) * max(own, step))
+    moved = between_two & ~singly
+    if singly.any():
+        notes.append(f"{name}: {int(singly.sum())} of {len(clock)} samples are missing singly, bridged")
     if moved.any():
         notes.append(
             f"{name}: {int(moved.sum())} of {len(clock)} samples are off the regular clock of {step:g} s "

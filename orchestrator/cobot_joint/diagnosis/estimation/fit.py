@@ -17,8 +17,8 @@ from cobot_joint.diagnosis.findings import Estimate
 Stretches = NDArray[np.intp]
 NORMAL = 1.96  # sigma of a 95 % interval
 AT_BOUND = 1e-6  # of a natural step, within which a coordinate is at its bound
-STRAINED, FEWEST = 0.25, 3  # share of the base parameters, and how many, that end at the ends of their tolerances: what
-# was rightly named on the 72 campaigns of proof/ and ../shared/recordings/field/open left 3 of 19 there at most
+STRAINED, FEWEST = 0.25, 3  # share of the base parameters, and how many, that end at the ends of their tolerances: the
+# repaired systems of the 72 campaigns of proof/ and ../shared/recordings/field/open have 3 of 19 there at most
 
 
 @dataclass

@@ -28,6 +28,7 @@ def test_without_time_the_first_answer_says_what_was_left_out() -> None:
         "a load that is not logged",
         "further listed terms",
         "external loads",
+        "terms that set in",
         "parameters outside their tolerances",
         "formulas",
         "the experiment that would tell more",

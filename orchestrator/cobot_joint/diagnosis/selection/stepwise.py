@@ -270,7 +270,7 @@ class Selector:
         """The best listed term that is off until about then, beside a fit. None: none can be simulated.
 
         What sets in over an angle is a jump first, of which a gap takes a part: secants of other lengths show more of
-        it. An eccentric pulley that takes 96 % was turned by half a radian by the first (machine 239/1).
+        it. An eccentric pulley that takes 97 % was turned by a radian by the first (machine 239/1).
         """
         active = {a.name for a in best.hypothesis.terms}
         self.progress(f"terms that set in at {onset:.3g} s")

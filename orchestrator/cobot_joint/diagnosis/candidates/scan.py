@@ -98,9 +98,11 @@ class Scan:
         return self._run(fit, wanted, onset)
 
     def secants(self, fit: Fit, found: Sequence[Score], onset: float, part: float) -> list[Column]:
-        """Columns of terms at the shapes that they were found at, over so large a part of the amplitudes found."""
+        """Columns of terms at the shapes that they were found at, over so large a part of the amplitudes found,
+        as far as these may be."""
         wanted = [(s.term, {shape.name: s.values[shape.name] for shape in s.term.shapes}) for s in found]
-        lengths = {s.term.name: part * abs(s.values[s.term.amplitude] - s.term.neutral) for s in found}
+        sizes = {s.term: abs(s.values[s.term.amplitude] - s.term.neutral) for s in found}
+        lengths = {term.name: part * min(size, term.upper - term.neutral) for term, size in sizes.items()}
         return self._run(fit, wanted, onset, lengths)
 
     def _note_indistinguishable(self, terms: Sequence[TermCandidate], first: Mapping[str, Sequence[Column]]) -> None:

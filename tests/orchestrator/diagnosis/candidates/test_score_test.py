@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -12,7 +16,7 @@ from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit, fit_added
 from cobot_joint.diagnosis.estimation.noise import Noise
 from cobot_joint.diagnosis.estimation.port_response import respond
-from cobot_joint.diagnosis.estimation.problem import Problem
+from cobot_joint.diagnosis.estimation.problem import Problem, Run
 from cobot_joint.diagnosis.estimation.projection import Projection
 from cobot_joint.diagnosis.selection.elimination import loss_without
 from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, TERMS, Axis, campaign
@@ -77,3 +81,22 @@ def test_beside_a_background_a_late_onset_must_take_a_share_of_what_it_leaves(
     noise *= np.sqrt(problem.samples + background * (effect @ effect)) / np.sqrt(noise @ noise)
     (score,) = ScoreTest(problem, base, columns).rank(effect + noise)
     assert score.onset == (None if onset is None else pytest.approx(onset, abs=0.4))
+
+
+def test_a_secant_goes_no_farther_than_the_term_may(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Small ones may lead beyond, which a unit refuses to simulate."""
+    problem, base = refitted()
+    scan = Scan(problem, [t for t in TERMS if t.phase])
+    scan.columns(base)
+    (score,) = scores(problem, base, scan.setting_in(base, 2.2))
+    term = score.term
+    beyond = replace(score, values={**score.values, term.amplitude: 20 * term.upper})
+    simulate, tried = problem.simulate, list[float]()
+
+    def watched(runs: Sequence[Run], *more: Any, **named: Any) -> Any:
+        tried.extend(run.values[term.amplitude] for run in runs)
+        return simulate(runs, *more, **named)
+
+    monkeypatch.setattr(problem, "simulate", watched)
+    assert [c.term for c in scan.secants(base, [beyond], 2.2, 0.3)] == [term]
+    assert tried == pytest.approx([0.3 * term.upper] * 2)

@@ -98,7 +98,7 @@ def diagnose(
     console.print(f"\n[bold]{escape(result.sentence)}[/bold]", soft_wrap=True)
     content = result.diagnosis
     _warn_of_crashes(content)
-    for said in content.get("mistimed", ()):
+    for said in (*content.get("mistimed", ()), *content.get("held", ())):
         console.print(f"[yellow]{escape(said)}[/yellow]", soft_wrap=True)
     if said := left_out(content):
         console.print(f"[yellow]{escape(said)}[/yellow]", soft_wrap=True)

@@ -38,7 +38,7 @@ from cobot_joint.diagnosis.selection.external_loads import (
     term_in_place,
 )
 from cobot_joint.diagnosis.selection.misreading import Misread, look_for_misreading
-from cobot_joint.diagnosis.selection.mistimed import look_for_mistiming, still_late
+from cobot_joint.diagnosis.selection.mistimed import held_inputs, look_for_mistiming, still_late
 from cobot_joint.diagnosis.selection.outside import (
     Outside,
     Select,
@@ -110,6 +110,7 @@ def _diagnosed(campaign: Campaign, plant: Plant, say: Progress, store: Store, bu
         at = explanation.fit if claims else explanation.calibrated
         late = partial(still_late, problem, explanation.calibrated, at)
         found.mistimed = store.remember("mistimed", at.x, late)
+        found.held = store.remember("held", at.x, partial(held_inputs, problem, at))
     if found.mistimed:  # a wrong name takes some of it: a claim waits for stamps that are right
         found.findings = [f.withheld("a channel's time stamps may be wrong") for f in found.findings]
     found.left_out = budget.left_out

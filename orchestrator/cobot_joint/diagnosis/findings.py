@@ -231,6 +231,7 @@ class Diagnosis:
     left_out: list[str] = field(default_factory=list)  # for want of time
     misreading: Misreading | None = None  # of a channel, in place of findings or as good as them
     mistimed: list[str] = field(default_factory=list)  # channels that are late beside all that was found, in words
+    held: list[str] = field(default_factory=list)  # inputs that leave less if their values are held, in words
     refuted: list[str] = field(default_factory=list)  # base parameters whose withheld repair does not predict
 
     def parameters(self, variant: Literal["nominal", "calibrated", "repaired"]) -> dict[str, float]:
@@ -266,5 +267,6 @@ class Diagnosis:
             | ({"left_out": self.left_out} if self.left_out else {})
             | ({"misreading": self.misreading.to_json()} if self.misreading else {})
             | ({"mistimed": self.mistimed} if self.mistimed else {})
+            | ({"held": self.held} if self.held else {})
             | ({"refuted": self.refuted} if self.refuted else {})
         )

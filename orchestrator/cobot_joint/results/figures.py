@@ -104,8 +104,11 @@ def _of_a_size(names: Sequence[str], signals: Mapping[str, NDArray[np.float64]])
 
 def _coincide(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
     """Whether one curve would hide the other."""
-    height = float(np.nanmax([np.ptp(one), np.ptp(other)], initial=0.0))
-    return bool(np.mean(np.abs(one - other) <= SAME * height) > MOSTLY)
+    there = np.isfinite(one) & np.isfinite(other)  # gaps hide nothing
+    if not there.any():
+        return False
+    height = max(np.ptp(one[there]), np.ptp(other[there]))
+    return bool(np.mean(np.abs(one - other)[there] <= SAME * height) > MOSTLY)
 
 
 def write_html(picture: Picture) -> Path:

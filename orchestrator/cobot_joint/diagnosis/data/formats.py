@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,20 @@ from cobot_joint.errors import UserError, among
 TIME = ("time", "t", "timestamp", "timestamps", "loop_time", "zeit", "elapsed", "elapsed_time")
 TIME_UNITS = ("s", "ms", "us", "ns")  # at the end of such a name
 TIME_NAMES = (*TIME, *(f"{name}_{unit}" for unit in TIME_UNITS for name in TIME))  # the likelier one first
+TIME_WORDS = {
+    "time",
+    "stamp",
+    "stamps",
+    "timestamp",
+    "timestamps",
+    "zeit",
+    "zeitstempel",
+    "clock",
+    "elapsed",
+    "ts",
+    "sec",
+    "seconds",
+}
 ROWS = 16  # a matrix of more rows is a picture or a table of its own
 
 
@@ -249,8 +263,8 @@ def _log(
     if table:
         clock, stamps = None, np.arange(max((len(c.values) for c in usable.values()), default=0)) * 1.0
     else:
-        units = [c.name for c in raw if c.unit and is_duration(c.unit)]
-        clock = _clock_name(path, [c.name for c in raw], units, time)
+        likely = [c.name for c in raw if c.unit and is_duration(c.unit)] or _rising(usable)
+        clock = _clock_name(path, [c.name for c in raw], likely, time)
         if clock in unusable:
             raise UserError(f"{path}: the clock {clock!r} {unusable[clock]}")
         stamps = _seconds(path, usable.pop(clock), time)
@@ -262,8 +276,18 @@ def _log(
     return Log(path, channels, unusable, clock, first_line, notes or [])
 
 
-def _clock_name(path: Path, names: list[str], durations: list[str], time: str | None) -> str:
-    """The clock's column: as told, by its usual names, or the only one with a unit of time."""
+def _rising(columns: Mapping[str, Raw]) -> list[str]:
+    """Those that have a word for time in their name (`stamp_s`) and never fall."""
+
+    def rises(values: NDArray[np.float64] | str) -> bool:
+        return not isinstance(values, str) and len(values) > 1 and bool(np.all(np.diff(values) >= 0))
+
+    named = [name for name in columns if TIME_WORDS & set(re.split(r"[^a-z]+", name.lower()))]
+    return [name for name in named if rises(columns[name].values)]
+
+
+def _clock_name(path: Path, names: list[str], likely: list[str], time: str | None) -> str:
+    """The clock's column: as told, by its usual names, or the only likely one."""
     if time:
         wanted = split_header(time)[0]
         for found in ([n for n in names if n == wanted], [n for n in names if n.lower() == wanted.lower()],
@@ -278,8 +302,8 @@ def _clock_name(path: Path, names: list[str], durations: list[str], time: str | 
             return found[0]
         if found:
             raise UserError(f'{path}: {among(found)} could be the clock: say which, time = "{found[0]} [s]"')
-    if len(durations) == 1:
-        return durations[0]
+    if len(likely) == 1:
+        return likely[0]
     raise NoClock(
         f"{path}: no time column; columns are {among(names)}; a clock is called {' or '.join(TIME_NAMES[:6])}, "
         f'or say which it is, time = "{names[0] if names else "NAME"} [s]"'

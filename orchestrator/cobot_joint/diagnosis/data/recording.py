@@ -59,6 +59,7 @@ class Recording:
     initial: dict[str, float] = field(default_factory=dict)
     columns: dict[str, str] = field(default_factory=dict)  # connector -> column as recorded
     believed: set[str] = field(default_factory=set)  # connectors whose factor and sign somebody looked at
+    held: set[str] = field(default_factory=set)  # inputs whose values hold until the next one comes
     notes: list[str] = field(default_factory=list)
     path: Path | None = None
     scatter: dict[str, float] = field(default_factory=dict)  # of a table: 1 sigma per output; time is no time then
@@ -81,6 +82,7 @@ class Column:
     offset: float | str = 0.0  # "0.3 V"
     derivative: bool = False  # the connector is the column's rate of change, "speed" of a recorded position
     believed: bool = False  # somebody looked at its factor and sign: what is implausible is theirs
+    hold: bool = False  # the machine gets every value until the next one comes
 
 
 @dataclass(frozen=True)
@@ -138,6 +140,9 @@ def read_recording(
         series = resample(channel.name, channel.time, values, time, said)
         if connectors[name].causality == "input":
             series = fill(path, channel.name, time, series, said)
+            series = held(series) if column.hold else series
+        elif column.hold:
+            raise UserError(f"{path}: column {header!r}: hold is given, {name!r} is an output; it is for inputs")
         if column.derivative:  # central differences: their integral does not drift from the position
             positions[channel.name], units[name] = series, target or f"{units[name]}/s"
             series = np.gradient(series, time)
@@ -153,10 +158,20 @@ def read_recording(
         initial=_initial(path, reading.initial, inputs | outputs | positions),
         columns={name: channel.name for name, channel in raw.items()},
         believed={name for name, (_, _, column) in found.items() if column.believed},
+        held={name for name, (_, _, column) in found.items() if column.hold},
         notes=_grouped(notes, len(raw)),
         path=path,
         left_out=left_out,
     )
+
+
+def held(series: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What is linear from sample to sample and comes closest to stairs, (n,): these are half a sample behind, and over
+    every sample and the halves beside it have the mean of two.
+
+    Franklin, G. F., Powell, J. D., Workman, M. (1998), Digital Control of Dynamic Systems, 3rd ed., section 4.3.
+    """
+    return (series + np.concatenate([series[:1], series[:-1]])) / 2
 
 
 def said_once(notes: Sequence[tuple[str, Sequence[str]]]) -> list[str]:

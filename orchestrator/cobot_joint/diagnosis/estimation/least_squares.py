@@ -22,6 +22,9 @@ WIDE = 0.05  # of a value, beyond which no difference quotient goes
 LAST = 3.0  # steps not worth their run: what a fresh Jacobian has to bring, or it was the last
 AS_PREDICTED = 0.15  # share by which a step may gain other than the Jacobian predicted
 OLD, OWN, FRESH = 0, 1, 2  # a Jacobian by Broyden's updates, with the effects' columns by differences, or all of it
+FINER = 0.1  # of the step before, for a Jacobian in whose place no damping helps
+FINEST = 0.01  # of the first
+DAMPED = 2  # steps that may fail, each shorter, before that
 DAMPING = 0.03  # of the first step, over the chi-square above noise: a resonance far off is not reached in one stride
 
 
@@ -55,33 +58,38 @@ def bounded_step(gram: Vector, gradient: Vector, lower: Vector, upper: Vector) -
 
 
 def difference(
-    problem: Problem, hypothesis: Hypothesis, x: Vector, base: Simulated, only: Sequence[int] | None = None
+    problem: Problem,
+    hypothesis: Hypothesis,
+    x: Vector,
+    base: Simulated,
+    only: Sequence[int] | None = None,
+    finer: float = 1.0,
 ) -> Vector | None:
     """d(simulated)/dx by one-sided differences, inside bounds: (rows, len(x) or len(only)); None: a run failed, and so
-    did that of the opposite step."""
+    did that of the opposite step. finer: share of the usual step."""
     wanted = range(len(x)) if only is None else only
-    runs, steps, where = _stepped(problem, hypothesis, x, wanted)
+    runs, steps, where = _stepped(problem, hypothesis, x, wanted, finer)
     found = problem.simulate(runs, base, where)
     failed = [k for k, run in enumerate(found) if run is None]
     if failed:
-        back, opposite, where = _stepped(problem, hypothesis, x, [wanted[k] for k in failed], way=-1.0)
+        back, opposite, where = _stepped(problem, hypothesis, x, [wanted[k] for k in failed], -finer)
         for k, run, step in zip(failed, problem.simulate(back, base, where), opposite, strict=True):
             found[k], steps[k] = run, step
     return _quotients(found, base, steps)
 
 
 def _stepped(
-    problem: Problem, hypothesis: Hypothesis, x: Vector, only: Sequence[int], way: float = 1.0
+    problem: Problem, hypothesis: Hypothesis, x: Vector, only: Sequence[int], times: float = 1.0
 ) -> tuple[list[Run], list[float], list[int | None]]:
     """Per coordinate: the run a step further, the step, and the one recording in which it acts, None: in all.
 
-    way: -1 steps the other way.
+    times: the usual step; negative: the other way.
     """
     runs, steps, where = [], [], []
     names = [recording.name for recording in problem.recordings]
     for k in only:
         c = hypothesis.coordinates[k]
-        step = way * _step(problem, c, float(x[k]))
+        step = times * _step(problem, c, float(x[k]))
         steps.append(step if x[k] + step <= c.upper else -step)
         point = x.copy()
         point[k] += steps[-1]
@@ -146,6 +154,7 @@ class _Search:
         self.own = [k for k, c in enumerate(coordinates) if c.kind != "base"]
         self.jacobians = precision.jacobians  # that are left
         self.settled = precision.settled * problem.evidence / thresholds.EVIDENCE  # a table's few rows are soon fitted
+        self.finer, self.failed = 1.0, 0  # of the differences' steps; steps that failed since the last younger Jacobian
         self.begun = np.inf  # cost with the last fresh Jacobian
         self.base: Simulated | None = None
         self.J: Vector | None = None
@@ -179,6 +188,7 @@ class _Search:
         enough = self.precision.roughly > 0 and self.begun - min(self.cost, new) < LAST * worth
         if found is None or new >= self.cost:
             return self._after_failure(predicted, enough)
+        self.failed = 0
         moved, used, gained = trial - self.at, self.age, self.cost - new
         self.J = self.J + np.outer(found.white - self.base.white - self.J @ moved, moved) / float(moved @ moved)
         self.at, self.base, self.residual, self.cost, self.age = trial, found, rest, new, OLD
@@ -208,7 +218,11 @@ class _Search:
             self._renew()
         elif self.age == OLD:
             return True
+        elif self.failed >= DAMPED and self.finer > FINEST and self.precision.jacobians > 0:
+            self.finer *= FINER
+            self._difference()
         else:
+            self.failed += 1
             self.damping = max(5 * self.damping, 1e-2 * max(self.cost - self.problem.samples, self.settled))
         return False
 
@@ -222,13 +236,19 @@ class _Search:
         assert self.base is not None
         assert self.J is not None
         if self.age == OLD and self.own:
-            columns = difference(self.problem, self.hypothesis, self.at, self.base, self.own)
+            columns = difference(self.problem, self.hypothesis, self.at, self.base, self.own, self.finer)
             self.J = self.J.copy() if columns is not None else None
             if self.J is not None:
                 self.J[:, self.own], self.age = columns, OWN
         elif self.jacobians > 0:
-            self.J, self.age = difference(self.problem, self.hypothesis, self.at, self.base), FRESH
             self.jacobians -= 1
+            self._difference()
+
+    def _difference(self) -> None:
+        """All columns by differences."""
+        assert self.base is not None
+        self.J, self.age = difference(self.problem, self.hypothesis, self.at, self.base, finer=self.finer), FRESH
+        self.failed = 0
 
     def _cost(self, residual: Vector, x: Vector) -> float:
         seen = self.problem.seen(residual)

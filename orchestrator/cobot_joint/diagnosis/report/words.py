@@ -194,7 +194,7 @@ def notes(content: Json) -> list[str]:
     ]
     if why := content.get("not_predicted"):
         said.append(f"no prediction from short distances can be had ({why})")
-    said += content.get("mistimed", ())
+    said += [*content.get("mistimed", ()), *content.get("held", ())]
     if time_was_up := left_out(content):
         said.append(time_was_up)
     return said + not_compared(content) + _unexplained(content)

@@ -13,6 +13,7 @@ import numpy as np
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.checks.beside_nominal import ALIKE, SHARE, match, shifted, unlike
 from cobot_joint.diagnosis.checks.delays import Delay, agreed, beside, mostly
+from cobot_joint.diagnosis.data.recording import Recording, held
 from cobot_joint.diagnosis.estimation.channels import Stamps
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.least_squares import difference, fit, fit_on, predicted_decrease
@@ -22,6 +23,7 @@ from cobot_joint.diagnosis.selection.misreading import FINISHED, ROUGH, Misread,
 TRIED = 3  # channels that are fitted
 PROMISING = replace(ROUGH, jacobians=0)  # of a fit that has to show promise
 STILL = 0.5  # of what a delay takes beside the base model, that it takes beside what was found, to be there still
+HOLDING = 0.1  # of what a re-fit leaves above noise, that an input has to take by being held to be told of
 RATES = np.linspace(-0.02, 0.02, 81)  # s per s; clocks that are further apart are told by the length of a run
 
 
@@ -68,6 +70,35 @@ def still_late(problem: Problem, calibrated: Fit, found: Fit) -> list[str]:
         if late is not None and name not in believed and taken[0] > STILL * taken[1]:
             words.append(_late_in_words(problem, name, late))
     return words
+
+
+def held_inputs(problem: Problem, at: Fit) -> list[str]:
+    """Inputs that leave less if their values hold until the next one comes, as a drive's set values do, in words.
+
+    What each would take is asked of one simulation and the fit's own Jacobian.
+    """
+    if problem.is_table or not problem.unexplained(at.residual):
+        return []
+    above, words = problem.above(at.residual), []
+    moves = dict.fromkeys(n for r in problem.recordings for n, u in r.inputs.items() if np.ptp(u) > 0)
+    for name in (n for n in moves if not any(n in r.held for r in problem.recordings)):
+        recordings = [_with_held(r, name) for r in problem.recordings]
+        (simulated,) = Problem(problem.plant, recordings, problem.noise).simulate([at.run])
+        if simulated is None:
+            continue
+        instead = replace(at, residual=problem.recorded - simulated.white)
+        left = [f.chi2 - predicted_decrease(f) for f in (at, instead)]
+        if left[0] - left[1] > max(HOLDING * above, problem.evidence):
+            words.append(
+                f"{name}: {100 * (left[0] - left[1]) / above:.0f} % less would be left if its values held until the "
+                "next one comes, as a drive's do; if yours do, write hold = true in [channels], and diagnose again"
+            )
+    return words
+
+
+def _with_held(recording: Recording, name: str) -> Recording:
+    inputs = recording.inputs
+    return replace(recording, inputs=inputs | {name: held(inputs[name])}) if name in inputs else recording
 
 
 def _delays(problem: Problem, at: Fit) -> dict[str, list[Delay]]:

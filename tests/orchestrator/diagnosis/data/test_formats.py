@@ -108,6 +108,14 @@ def test_mdf_written_by_asammdf_is_read_with_units_and_a_clock_per_channel(
     assert np.allclose(channels["v_command"].time, T[::4])
 
 
+@pytest.mark.parametrize("name", ["stamp_s", "Time stamp", "controller_clock_s"])
+def test_a_column_called_by_a_word_for_time_that_never_falls_is_the_clock(tmp_path: Path, name: str) -> None:
+    (tmp_path / "a.csv").write_text(f"{name},cycle_time,y\n214.1,0.5,1\n214.2,0.4,2\n214.3,0.6,4\n")
+    log = read_log(tmp_path / "a.csv")
+    assert log.clock == name
+    assert np.allclose(by_name(tmp_path / "a.csv")["y"].time, [214.1, 214.2, 214.3])
+
+
 @pytest.mark.parametrize(
     ("name", "content", "told"),
     [

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pytest
 
+from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.calibrate import calibrate
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit
@@ -12,7 +15,7 @@ from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, difference, fit, fit_added, fit_on
 from cobot_joint.diagnosis.estimation.noise import Noise
 from cobot_joint.diagnosis.estimation.problem import Problem
-from cobot_joint.diagnosis.plant.plant import SimulationError
+from cobot_joint.diagnosis.plant.plant import Parameter, Signals, SimulationError
 from cobot_joint.diagnosis.store import Store
 from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, TERMS, Axis, campaign
 
@@ -93,3 +96,31 @@ def test_what_can_be_simulated_at_its_nominal_value_alone_is_told_by_its_paramet
 
     with pytest.raises(SimulationError, match=r"beside the nominal value of axis\.J: the inertia is too much"):
         calibrate(campaign({}), Narrow(), lambda words: None, Store(None))
+
+
+class Ringing:
+    """A resonance that rings for three seconds, undamped."""
+
+    terms = ports = inputs = ()
+    parameters = {"spring.f": Parameter("spring.f", 40.0, "Hz", 1.0, 100.0)}  # noqa: RUF012 - never written to
+
+    def has(self, name: str, recording: Recording) -> bool:
+        """There is one component."""
+        return True
+
+    def simulate(self, values: Mapping[str, float], recording: Recording, **_: object) -> Signals:
+        """See Plant.simulate."""
+        return {"y": np.sin(2 * np.pi * values.get("spring.f", 40.0) * recording.time)}
+
+
+def test_a_fit_whose_differences_span_a_period_takes_finer_ones() -> None:
+    """15 % of a tolerance of 2 Hz are nine tenths of a period at the end of the run, and point the other way."""
+    time = np.arange(3000) * 1e-3
+    silent = Recording("run", "train", "default", time, {}, {"y": np.zeros(3000)}, {"y": "1"})
+    y = Ringing().simulate({"spring.f": 39.95}, silent)["y"] + np.random.default_rng(1).normal(0, 0.02, 3000)
+    recording = Recording("run", "train", "default", time, {}, {"y": y}, {"y": "1"})
+    problem = Problem(Ringing(), [recording], {"y": Noise(0.02)}, jobs=1)
+    found = fit(problem, Hypothesis(tolerances(problem, {"spring.f": (38.0, 42.0)})))
+    assert found is not None
+    assert found.run.values["spring.f"] == pytest.approx(39.95, abs=1e-3)
+    assert not problem.unexplained(found.residual)

@@ -10,7 +10,7 @@ from cobot_joint.diagnosis.engine import diagnose_plant
 from cobot_joint.diagnosis.estimation.calibrate import calibrate
 from cobot_joint.diagnosis.estimation.problem import one_blas_thread
 from cobot_joint.diagnosis.report.words import notes
-from cobot_joint.diagnosis.selection.mistimed import look_for_mistiming, still_late
+from cobot_joint.diagnosis.selection.mistimed import held_inputs, look_for_mistiming, still_late
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.diagnosis.thresholds import WITHHELD
 from tests.orchestrator.diagnosis.axis import OFF, STEP, Axis, campaign
@@ -43,6 +43,23 @@ def test_a_channel_that_is_late_beside_a_background_is_said_to_be() -> None:
 
 def test_a_background_alone_is_no_delay() -> None:
     assert said(0) == []
+
+
+@pytest.mark.parametrize("hold", [True, False])
+def test_an_input_that_leaves_less_if_it_is_held_is_told_of(hold: bool) -> None:
+    case = campaign(OFF)
+    for r in case.recordings:
+        if hold:  # what the drive got was held, the log has its set values
+            t, late = r.time, STEP / 2
+            r.inputs["u"] = np.interp(t + late, t, r.inputs["u"])
+    with one_blas_thread():
+        problem, base = calibrate(case, Axis(), lambda words: None, Store(None))
+        words = held_inputs(problem, base)
+        for r in problem.recordings:
+            r.held.add("u")
+        assert held_inputs(problem, base) == []
+    assert [w.split(":")[0] for w in words] == (["u"] if hold else [])
+    assert not hold or "write hold = true in [channels]" in words[0]
 
 
 @pytest.mark.long

@@ -81,3 +81,15 @@ def test_a_name_has_one_colour_and_one_entry_in_all_panels(tmp_path: Path) -> No
         ["fit", "recorded"], ["other", "fit"]
     ]  # fmt: skip
     assert axes[0].lines[0].get_color() == axes[1].lines[1].get_color() == fits[0]["line"]["color"]
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_gap_hides_nothing() -> None:
+    """Two curves that coincide, each with a gap: the second is dashed, so that both are seen."""
+    time = np.linspace(0, 1, 100)
+    one, other = np.sin(time), np.sin(time)
+    one[10:15] = other[30:35] = np.nan
+    (panel,) = over_time(time, {"one": one, "other": other}, {})
+    assert [curve.style for curve in panel.curves] == ["line", "dashed"]
+    (panel,) = over_time(time, {"one": one, "none": np.full(100, np.nan)}, {})
+    assert [curve.style for curve in panel.curves] == ["line", "line"]

@@ -41,6 +41,9 @@ class Part:
 
 FRICTION = {"friction.tau_C": "30 %", "friction.d": "30 %"}
 ASSUMED = "assumed"  # a damping, which no data sheet has
+OFFERED = '# "30 %"   # stiffness: let it vary where a data sheet gave it'
+LOOP = '# "30 %"   # bandwidth of the current loop: let it vary where commanded steps show how fast it is'
+GIVEN = '"30 %"   # guess: given beside the base model, so that it is as little known as friction'
 VAGUE = (0.1, 30.0)  # times that, which a real one may be
 STICKS: Mapping[str, Value] = {"friction.law": 2}  # as real dry friction does
 TURNS: Mapping[str, Value] = {"body.lead": 0.0, **STICKS}  # what it has of a mass hangs on its shaft
@@ -103,7 +106,7 @@ PARTS: dict[str, Part] = {
     "shaft": Part(
         "torque_sensor", "shaft or coupling", before=("phi_o", "w_o", "tau_s"), after=("phi_p", "w_p", "tau_s"),
         data_sheet=("shaft.c_s", "shaft.d_s"), values={"shaft.c_s": 20.0, "shaft.d_s": 0.01},
-        fits={"shaft.d_s": ASSUMED},
+        fits={"shaft.c_s": OFFERED, "shaft.d_s": ASSUMED},
     ),
     "load": Part(
         "driven_load", "turning load", before=("phi", "w", "tau"), moves=("before",), data_sheet=BODY,
@@ -290,9 +293,13 @@ def tolerances(component: Component, fits: Mapping[str, str]) -> dict[str, str]:
     nominal = {n: float(component.parameters.get(n, component.unit.variables[n].start) or 0.0) for n in fits}
     offered = "# [{:g}, {:g}]   # damping, on no data sheet: let it vary if a resonance shows"
     assumed = {n: offered.format(*(k * nominal[n] for k in VAGUE)) for n, off in fits.items() if off == ASSUMED}
-    lines = {n: "" if nominal[n] == 0.0 else assumed.get(n, f'"{off}"') for n, off in fits.items()}
+    lines = {n: off if off == OFFERED else "" if nominal[n] == 0.0 else assumed.get(n, f'"{off}"')
+             for n, off in fits.items()}  # fmt: skip
+    has = {term.amplitude: term.neutral for term in component.unit.terms if term.amplitude is not None}
+    lines |= {n: GIVEN for n, none in has.items() if float(component.parameters.get(n, none)) != none}
     if component.parameters.get("drive.mode") == CURRENT_MODE:  # its loop gives whatever voltage the current takes
         lines.pop("winding.R", None)
+        lines["drive.w_c"] = LOOP
     if lines.get("friction.tau_C") and component.parameters.get("friction.law") != STICKS["friction.law"]:
         w_C = float(component.parameters.get("friction.w_C", component.unit.variables["friction.w_C"].start) or 0.0)
         why = "guess: the unit smooths dry friction below w_C, which no data sheet gives"

@@ -216,3 +216,14 @@ def test_damping_that_is_on_no_data_sheet_is_offered_and_does_not_vary_unasked(
     assert cobot_joint("new", "--chain", chain, "--out", "axis").returncode == 0
     lines = (tmp_path / "axis/campaign.toml").read_text().splitlines()
     assert f'# "{part}.{damping}" = {bounds}   # damping, on no data sheet: let it vary if a resonance shows' in lines
+
+
+def test_what_is_given_beside_the_base_model_has_a_tolerance(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:
+    """A fan's drag from its data sheet; the stiffness of a coupling and a drive's loop are offered."""
+    given = [word for value in ("load.fan=1.6e-5", "motor.drive.mode=current") for word in ("--set", value)]
+    assert cobot_joint("new", "--chain", "motor,load", "--out", "fan", *given).returncode == 0
+    lines = (tmp_path / "fan/campaign.toml").read_text().splitlines()
+    (drag,) = (line for line in lines if "windage" in line)
+    assert drag.startswith('"load.windage.c" = "30 %"   # guess: given beside the base model')
+    for offered in ('# "shaft.shaft.c_s" = "30 %"', '# "motor.drive.w_c" = "30 %"'):
+        assert any(line.startswith(offered) for line in lines)

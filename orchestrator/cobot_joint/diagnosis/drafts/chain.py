@@ -48,6 +48,7 @@ VAGUE = (0.1, 30.0)  # times that, which a real one may be
 STICKS: Mapping[str, Value] = {"friction.law": 2}  # as real dry friction does
 TURNS: Mapping[str, Value] = {"body.lead": 0.0, **STICKS}  # what it has of a mass hangs on its shaft
 UNLIMITED: Mapping[str, Value] = {"drive.v_max": 0.0, "drive.i_peak": 0.0, "drive.w_max": 0.0}  # none that we know of
+FORWARD = "drive.decoupling"
 CURRENT_MODE = 2  # of `drive.mode`: i_ref = drive.k_i * set value, fmus/motor_bldc/drive.h
 SHARPEST = 0.02  # of the assumed w_C: dry friction that holds at rest is as good as met there, and not too stiff yet
 BODY = ("body.J", "friction.tau_C", "friction.d")
@@ -252,7 +253,11 @@ def _wires(a: str, b: str, units: Mapping[str, Unit]) -> list[Connection]:
 
 
 def with_data_sheet(made: Chain, given: Mapping[str, str]) -> Chain:
-    """`motor.R` or `motor.torque_constant` -> "38.5 mN.m/A": values in any unit that converts. UserError: no such."""
+    """`motor.R` or `motor.torque_constant` -> "38.5 mN.m/A": values in any unit that converts. UserError: no such.
+
+    A drive in current mode gets a loop that loses nothing to the back-EMF, unless its feedforward is given: with a
+    resistance that no data sheet of such a drive has, the loss acts as an inertia k^2/(R w_c) of any size.
+    """
     components = {c.name: c for c in made.system.components}
     values = {}
     for key, text in given.items():
@@ -260,7 +265,10 @@ def with_data_sheet(made: Chain, given: Mapping[str, str]) -> Chain:
         if name not in components:
             raise UserError(f"--set {key}: there is no such part, the chain has {among(components)}")
         values[f"{name}.{_parameter(key, wanted, components[name].unit)}"] = text
-    return replace(made, system=with_values({"": made.system}, values, "--set")[""])
+    system = with_values({"": made.system}, values, "--set")[""]
+    drives = [c.name for c in system.components if c.parameters.get("drive.mode") == CURRENT_MODE]
+    forward = {f"{name}.{FORWARD}": 1.0 for name in drives if f"{name}.{FORWARD}" not in values}
+    return replace(made, system=with_values({"": system}, forward, "--set")[""])
 
 
 def _parameter(key: str, wanted: str, unit: Unit) -> str:

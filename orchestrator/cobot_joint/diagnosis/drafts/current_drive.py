@@ -17,7 +17,7 @@ from cobot_joint.diagnosis.drafts.campaign_text import (
     names_a_part,
     with_named_unit,
 )
-from cobot_joint.diagnosis.drafts.chain import CURRENT_MODE
+from cobot_joint.diagnosis.drafts.chain import CURRENT_MODE, FORWARD
 from cobot_joint.system.model import Component, System
 from cobot_joint.system.wiring import shown_by
 
@@ -88,10 +88,11 @@ def _value(motor: Component, parameter: str) -> float:
 
 def nominal_beside(system: System, guesses: Sequence[Guess]) -> dict[str, float]:
     """`component.parameter` -> nominal value of a drive whose measured current goes in: that is what flows, so its loop
-    loses none of it to the back-EMF, which would act as an inertia of k^2/(R w_c)."""
+    loses none of it to the back-EMF, which would act as an inertia of k^2/(R w_c). Nothing where that is so already."""
     commands = _commands(system)
     given = {g.connector for g in guesses if g.connector in commands and not is_command(g.column.name)}
-    return {f"{commands[name].name}.drive.decoupling": 1.0 for name in given}
+    drives = [commands[name] for name in given]
+    return {f"{drive.name}.{FORWARD}": 1.0 for drive in drives if _value(drive, FORWARD) != 1.0}
 
 
 def _commands(system: System) -> dict[str, Component]:

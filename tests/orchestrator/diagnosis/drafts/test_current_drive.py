@@ -36,13 +36,27 @@ def drafted(
     return tomllib.loads((folder / "f/campaign.toml").read_text())
 
 
+def feedforward(folder: Path) -> float:
+    return load_system(str(folder / "m/system.ssd")).component("motor").parameters["drive.decoupling"]
+
+
+@pytest.mark.parametrize(("given", "share"), [([], 1.0), (["--set", "motor.drive.decoupling=0.5"], 0.5)])
+def test_a_drive_in_current_mode_loses_nothing_to_the_back_emf_unless_that_is_given(
+    tmp_path: Path, cobot_joint: Callable[..., Done], given: list[str], share: float
+) -> None:
+    """A servo motor of 0.36 N.m/A had the rotor's inertia twice, by the resistance of the bench's motor."""
+    mode = ["--set", "motor.drive.mode=current"]
+    assert cobot_joint("new", "--chain", "motor,load", "--out", "m", *mode, *given).returncode == 0
+    assert feedforward(tmp_path) == share
+
+
 def test_the_measured_current_goes_in_where_no_set_value_is_logged(
     tmp_path: Path, cobot_joint: Callable[..., Done]
 ) -> None:
     """It was compared, and nothing drove the machine."""
     draft = drafted(tmp_path, cobot_joint, {"Iq_ist [mA]": 1500.0, "Drehzahl [U/min]": 1200.0})
     assert draft["channels"] == {"Iq_ist [mA]": GOES_IN, "Drehzahl [U/min]": "w_motor"}
-    assert draft["parameters"] == {"motor.drive.decoupling": 1}  # what was measured flows, whatever the loop does
+    assert feedforward(tmp_path) == 1  # what was measured flows, whatever the loop does
     (recording,) = load_campaign(tmp_path / "f/campaign.toml").recordings
     assert np.max(recording.inputs["v_command"]) == pytest.approx(1.5, rel=1e-3)
 
@@ -91,6 +105,7 @@ def test_a_set_value_goes_in_before_a_measured_current(tmp_path: Path, cobot_joi
     draft = drafted(tmp_path, cobot_joint, {"i_ist [A]": 1.5, "i_soll [A]": 1.5, "n_motor [rpm]": 1200.0})
     assert draft["channels"] == {"i_ist [A]": "i_motor", "i_soll [A]": GOES_IN, "n_motor [rpm]": "w_motor"}
     assert "parameters" not in draft
+    assert feedforward(tmp_path) == 1
 
 
 def test_a_current_whose_name_ends_with_its_unit_goes_in(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:

@@ -47,6 +47,8 @@ def verdict_sentence(d: Json, terms: Mapping[str, TermText]) -> str:
         takes = f"which alone explains {percent(m['takes'])} of the difference"
         others = [f"{_parameter(f)} is outside its tolerance" for f in findings if is_parameter(f["term"], terms)]
         return f"Undecided: {', or '.join([f'{misread(m)}, {takes}', *others])}, or the machine lacks something."
+    if not findings and (late := [words.split(";")[0] for words in d.get("mistimed", ())]):
+        return f"Undecided: {' and '.join(late)}, or the machine lacks something."
     if not findings:
         said = "The recordings differ from the system by more than noise and tolerances, and no explanation stands out"
         return f"{said}{_farthest_off(d['channels'])}{_largest(d.get('discrepancy') or [])}."

@@ -22,9 +22,9 @@ WIDE = 0.05  # of a value, beyond which no difference quotient goes
 LAST = 3.0  # steps not worth their run: what a fresh Jacobian has to bring, or it was the last
 AS_PREDICTED = 0.15  # share by which a step may gain other than the Jacobian predicted
 OLD, OWN, FRESH = 0, 1, 2  # a Jacobian by Broyden's updates, with the effects' columns by differences, or all of it
-FINER = 0.1  # of the step before, for a Jacobian in whose place no damping helps
-FINEST = 0.01  # of the first
-DAMPED = 2  # steps that may fail, each shorter, before that
+FINER = 0.1  # of the differences' span, for the next Jacobian, where no step by a fresh one helps
+REFINED = 3  # times at most
+DAMPED = 2  # steps by it that may fail, each shorter, before that
 DAMPING = 0.03  # of the first step, over the chi-square above noise: a resonance far off is not reached in one stride
 
 
@@ -154,7 +154,7 @@ class _Search:
         self.own = [k for k, c in enumerate(coordinates) if c.kind != "base"]
         self.jacobians = precision.jacobians  # that are left
         self.settled = precision.settled * problem.evidence / thresholds.EVIDENCE  # a table's few rows are soon fitted
-        self.finer, self.failed = 1.0, 0  # of the differences' steps; steps that failed since the last younger Jacobian
+        self.refined, self.failed = 0, 0  # times that differences were made finer; steps by this Jacobian that failed
         self.begun = np.inf  # cost with the last fresh Jacobian
         self.base: Simulated | None = None
         self.J: Vector | None = None
@@ -218,8 +218,8 @@ class _Search:
             self._renew()
         elif self.age == OLD:
             return True
-        elif self.failed >= DAMPED and self.finer > FINEST and self.precision.jacobians > 0:
-            self.finer *= FINER
+        elif self.failed >= DAMPED and self.refined < REFINED and self.precision.jacobians > 0:
+            self.refined += 1
             self._difference()
         else:
             self.failed += 1
@@ -231,12 +231,17 @@ class _Search:
         """The youngest Jacobian that can be had."""
         return FRESH if self.jacobians > 0 else OWN if self.own else OLD
 
+    @property
+    def _finer(self) -> float:
+        """Share of the usual span that differences have."""
+        return FINER**self.refined
+
     def _renew(self) -> None:
         """The next younger Jacobian; as it is where none is left."""
         assert self.base is not None
         assert self.J is not None
         if self.age == OLD and self.own:
-            columns = difference(self.problem, self.hypothesis, self.at, self.base, self.own, self.finer)
+            columns = difference(self.problem, self.hypothesis, self.at, self.base, self.own, self._finer)
             self.J = self.J.copy() if columns is not None else None
             if self.J is not None:
                 self.J[:, self.own], self.age = columns, OWN
@@ -247,7 +252,7 @@ class _Search:
     def _difference(self) -> None:
         """All columns by differences."""
         assert self.base is not None
-        self.J, self.age = difference(self.problem, self.hypothesis, self.at, self.base, finer=self.finer), FRESH
+        self.J, self.age = difference(self.problem, self.hypothesis, self.at, self.base, finer=self._finer), FRESH
         self.failed = 0
 
     def _cost(self, residual: Vector, x: Vector) -> float:

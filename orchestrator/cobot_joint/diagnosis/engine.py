@@ -385,7 +385,8 @@ def _terms(problem: Problem, only: Sequence[str]) -> list[TermCandidate]:
         raise UserError(f"terms: {unknown[0]!r} is given, the system has {among(known)}")
     if only:
         return [term for term in problem.plant.terms if term.name in only]
-    return [term for term in problem.plant.terms if not (problem.is_table and _remembers(term))]
+    asked = [term for term in problem.plant.terms if not term.compensated]
+    return [term for term in asked if not (problem.is_table and _remembers(term))]
 
 
 def _remembers(term: TermCandidate) -> bool:

@@ -36,7 +36,8 @@ def follow(
 ) -> Search | None:
     """None: none of the recordings can be followed. The plant is one that `can_follow`. in_runs: see Searcher. start:
     base parameters as free runs have them re-fitted."""
-    terms = [t for t in plant.terms if any(plant.has(t.name, r) for r in campaign.train)]
+    known = [term for term in plant.terms if not term.compensated]
+    terms = [t for t in known if any(plant.has(t.name, r) for r in campaign.train)]
     with _searcher(campaign, plant, terms, say, in_runs) as searcher:
         try:
             return searcher.search(start)

@@ -11,6 +11,7 @@ from pathlib import Path
 from lxml import etree
 
 from cobot_joint.diagnosis.data.parameters import with_values
+from cobot_joint.diagnosis.plant.fmu_plant import CURRENT_MODE
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import Component, Connection, Connector, System, Value
 from cobot_joint.system.read import NS
@@ -49,7 +50,6 @@ STICKS: Mapping[str, Value] = {"friction.law": 2}  # as real dry friction does
 TURNS: Mapping[str, Value] = {"body.lead": 0.0, **STICKS}  # what it has of a mass hangs on its shaft
 UNLIMITED: Mapping[str, Value] = {"drive.v_max": 0.0, "drive.i_peak": 0.0, "drive.w_max": 0.0}  # none that we know of
 FORWARD = "drive.decoupling"
-CURRENT_MODE = 2  # of `drive.mode`: i_ref = drive.k_i * set value, fmus/motor_bldc/drive.h
 SHARPEST = 0.02  # of the assumed w_C: dry friction that holds at rest is as good as met there, and not too stiff yet
 BODY = ("body.J", "friction.tau_C", "friction.d")
 PARTS: dict[str, Part] = {

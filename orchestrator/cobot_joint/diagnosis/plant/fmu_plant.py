@@ -35,6 +35,7 @@ from cobot_joint.units import Shape, Term, Unit
 
 FASTEST = replace(MONOLITHIC, pace=2e4)  # 1/s; there units that step themselves take as long
 COARSE = replace(FASTEST, tolerance=16 * FASTEST.tolerance)
+CURRENT_MODE = 2  # of `drive.mode`: i_ref = drive.k_i * set value, fmus/motor_bldc/drive.h
 MOTION, LOADS = ("rad", "rad/s", "m", "m/s"), ("N.m", "N", "A")  # units of measure
 
 
@@ -236,6 +237,7 @@ def _term(component: Component, term: Term) -> TermCandidate | None:
         phase=f"{component.name}.{phases[0].name}" if phases else None,
         angle=angle,
         turns=turns,
+        compensated=component.parameters.get("drive.mode") == CURRENT_MODE and unit.unit_of(amplitude) in ("V", "Ohm"),
     )
 
 

@@ -75,6 +75,7 @@ class TermCandidate:
     phase: str | None = None
     angle: str | None = None  # of a shaft, that a wave goes by; None: of none, or it does not say of which
     turns: float = 1.0  # periods per turn, of a wave without a shape that says how many
+    compensated: bool = False  # whether a current loop makes up for it: a candidate only where a campaign lists it
 
     @property
     def component(self) -> str:

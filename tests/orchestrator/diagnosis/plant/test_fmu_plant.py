@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import threading
 import time
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from cobot_joint.cosim import Feedback, SimulationError
+from cobot_joint.diagnosis.data.parameters import with_values
 from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.engine import _terms
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant, _angle
 from cobot_joint.system import Component, System, load_system
 from cobot_joint.units import find_fmu, load_unit
@@ -56,6 +60,18 @@ def test_no_effect_at_a_port_goes_by_a_load_that_the_port_shows_in_at_once() -> 
     assert ports["torque_sensor.y_add"] == ("torque_sensor.tau_s",)
     assert "planetary_gear.tau" not in ports["planetary_gear.tau_add"]
     assert "planetary_gear.tau" in ports["planetary_gear.tau_o_add"]
+
+
+@pytest.mark.parametrize("mode", ["voltage", "current"])
+def test_what_a_current_loop_makes_up_for_is_asked_of_a_drive_in_voltage_mode_alone(mode: str) -> None:
+    """A stage that conceals nothing, driven by its current, had a supply that sags, 85 % sure."""
+    made = with_values({"": load_system("joint")}, {"motor_bldc.drive.mode": mode}, "parameters")
+    with FmuPlant(made) as plant:
+        problem: Any = SimpleNamespace(plant=plant, is_table=False)
+        asked = {term.name for term in _terms(problem, ())}
+        left = {"motor_bldc.dead_time", "motor_bldc.supply_sag"} if mode == "current" else set()
+        assert {term.name for term in plant.terms} - asked == left
+        assert [term.name for term in _terms(problem, ["motor_bldc.dead_time"])] == ["motor_bldc.dead_time"]
 
 
 def test_a_wave_s_angle_is_the_one_in_its_equation() -> None:

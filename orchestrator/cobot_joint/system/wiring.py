@@ -15,6 +15,7 @@ from cobot_joint.units import Unit
 
 log = logging.getLogger("cobot_joint")
 ADDITIVE = "_add"  # how the name of an additive input ends
+CURRENT_MODE = 2  # of `drive.mode`: i_ref = drive.k_i * set value, fmus/motor_bldc/drive.h
 EFFORTS = ("kg.m2.s-2", "kg.m.s-2", "kg.m2.s-3.A-1")  # N.m, N, V
 EXPONENTS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 

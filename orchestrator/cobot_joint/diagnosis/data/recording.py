@@ -111,10 +111,8 @@ def read_recording(
     connectors: those of this set-up's system, by name. columns: column -> what it belongs to, or the connector's name;
     a column may carry its unit in brackets, for files that cannot. Raises UserError.
     """
-    notes: list[str] = []
     log = read_log(path, reading.time, reading.layout, table=reading.table == "rows")
-    log = replace(log, channels=_windowed(log, reading.window, reading.late))
-    notes += log.notes
+    log, notes = replace(log, channels=_windowed(log, reading.window, reading.late)), [*log.notes]
     wired = {header: c if isinstance(c, Column) else Column(c) for header, c in columns.items()}
     found = _wanted(log, connectors, wired, reading, notes)
     raw = {name: channel for name, (channel, _, _) in found.items()}
@@ -140,9 +138,7 @@ def read_recording(
         series = resample(channel.name, channel.time, values, time, said)
         if connectors[name].causality == "input":
             series = fill(path, channel.name, time, series, said)
-            series = held(series) if column.hold else series
-        elif column.hold:
-            raise UserError(f"{path}: column {header!r}: hold is given, {name!r} is an output; it is for inputs")
+        series = held(series) if column.hold else series
         if column.derivative:  # central differences: their integral does not drift from the position
             positions[channel.name], units[name] = series, target or f"{units[name]}/s"
             series = np.gradient(series, time)
@@ -158,11 +154,22 @@ def read_recording(
         initial=_initial(path, reading.initial, inputs | outputs | positions),
         columns={name: channel.name for name, channel in raw.items()},
         believed={name for name, (_, _, column) in found.items() if column.believed},
-        held={name for name, (_, _, column) in found.items() if column.hold},
+        held=_held(path, connectors, found),
         notes=_grouped(notes, len(raw)),
         path=path,
         left_out=left_out,
     )
+
+
+def _held(
+    path: Path, connectors: Mapping[str, Connector], found: Mapping[str, tuple[Channel, str, Column]]
+) -> set[str]:
+    """Inputs that are. UserError: an output is said to be."""
+    those = {name: header for name, (_, header, column) in found.items() if column.hold}
+    for name, header in those.items():
+        if connectors[name].causality == "output":
+            raise UserError(f"{path}: column {header!r}: hold is given, {name!r} is an output; it is for inputs")
+    return set(those)
 
 
 def held(series: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -11,11 +11,10 @@ from pathlib import Path
 from lxml import etree
 
 from cobot_joint.diagnosis.data.parameters import with_values
-from cobot_joint.diagnosis.plant.fmu_plant import CURRENT_MODE
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import Component, Connection, Connector, System, Value
 from cobot_joint.system.read import NS
-from cobot_joint.system.wiring import unconnected
+from cobot_joint.system.wiring import CURRENT_MODE, unconnected
 from cobot_joint.system.write import describe
 from cobot_joint.units import Unit, find_fmu, load_unit
 

@@ -18,9 +18,8 @@ from cobot_joint.diagnosis.drafts.campaign_text import (
     with_named_unit,
 )
 from cobot_joint.diagnosis.drafts.chain import FORWARD
-from cobot_joint.diagnosis.plant.fmu_plant import CURRENT_MODE
 from cobot_joint.system.model import Component, System
-from cobot_joint.system.wiring import shown_by
+from cobot_joint.system.wiring import CURRENT_MODE, shown_by
 
 MOTOR = "motor_bldc"  # unit
 

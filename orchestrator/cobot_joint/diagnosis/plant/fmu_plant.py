@@ -30,12 +30,11 @@ from cobot_joint.diagnosis.plant.plant import (
 )
 from cobot_joint.diagnosis.plant.simulator import run_beside, setting_in
 from cobot_joint.system.model import Component, Connection, Connector, System
-from cobot_joint.system.wiring import ADDITIVE
+from cobot_joint.system.wiring import ADDITIVE, CURRENT_MODE
 from cobot_joint.units import Shape, Term, Unit
 
 FASTEST = replace(MONOLITHIC, pace=2e4)  # 1/s; there units that step themselves take as long
 COARSE = replace(FASTEST, tolerance=16 * FASTEST.tolerance)
-CURRENT_MODE = 2  # of `drive.mode`: i_ref = drive.k_i * set value, fmus/motor_bldc/drive.h
 MOTION, LOADS = ("rad", "rad/s", "m", "m/s"), ("N.m", "N", "A")  # units of measure
 
 

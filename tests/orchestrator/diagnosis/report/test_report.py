@@ -154,12 +154,10 @@ def test_a_misread_channel_is_the_verdict_and_what_undoes_it_the_next_step() -> 
 
 
 def test_a_channel_that_lags_is_the_verdict_where_nothing_else_was_found() -> None:
-    """A winder's roll speed, stamped 17 ms late: the first sentence said that nothing explains it."""
-    report = data("undecided", [])
-    lags = "w lags the re-fitted system by 15 ms in every run that shows it"
-    told = {**report.diagnosis, "mistimed": [f"{lags}; possible causes: w stamped late; correct stamps with late"]}
-    text = words(render(replace(report, diagnosis=told)))
-    assert f"Undecided: {lags}, or the machine lacks something." in text
+    report, lags = data("undecided", []), "w lags the re-fitted system by 15 ms in every run that shows it"
+    told = {**report.diagnosis, "mistimed": [f"{lags}; possible causes: w stamped late"]}
+    said = words(render(replace(report, diagnosis=told)))
+    assert f"Undecided: {lags}, or the machine lacks something." in said
 
 
 def test_the_report_says_where_what_how_sure_and_what_else() -> None:

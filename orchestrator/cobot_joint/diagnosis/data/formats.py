@@ -23,20 +23,8 @@ from cobot_joint.errors import UserError, among
 TIME = ("time", "t", "timestamp", "timestamps", "loop_time", "zeit", "elapsed", "elapsed_time")
 TIME_UNITS = ("s", "ms", "us", "ns")  # at the end of such a name
 TIME_NAMES = (*TIME, *(f"{name}_{unit}" for unit in TIME_UNITS for name in TIME))  # the likelier one first
-TIME_WORDS = {
-    "time",
-    "stamp",
-    "stamps",
-    "timestamp",
-    "timestamps",
-    "zeit",
-    "zeitstempel",
-    "clock",
-    "elapsed",
-    "ts",
-    "sec",
-    "seconds",
-}
+TIME_WORDS = {"time", "stamp", "stamps", "timestamp", "timestamps", "zeit", "zeitstempel", "clock", "elapsed", "ts",
+              "sec", "seconds"}  # fmt: skip
 ROWS = 16  # a matrix of more rows is a picture or a table of its own
 
 

@@ -140,7 +140,8 @@ def fit(
     if search.J is None or search.base is None:
         return None
     residual, seen = search.residual, problem.seen(search.residual)
-    return Fit(hypothesis, search.at, float(seen @ seen), residual, search.base, search.J, number)
+    J = search.J if search.coarse is None else search.coarse  # finer ones that do not lead on show roughness
+    return Fit(hypothesis, search.at, float(seen @ seen), residual, search.base, J, number)
 
 
 class _Search:
@@ -155,6 +156,7 @@ class _Search:
         self.jacobians = precision.jacobians  # that are left
         self.settled = precision.settled * problem.evidence / thresholds.EVIDENCE  # a table's few rows are soon fitted
         self.refined, self.failed = 0, 0  # times that differences were made finer; steps by this Jacobian that failed
+        self.coarse: Vector | None = None  # before finer ones, until one of these leads on
         self.begun = np.inf  # cost with the last fresh Jacobian
         self.base: Simulated | None = None
         self.J: Vector | None = None
@@ -188,7 +190,7 @@ class _Search:
         enough = self.precision.roughly > 0 and self.begun - min(self.cost, new) < LAST * worth
         if found is None or new >= self.cost:
             return self._after_failure(predicted, enough)
-        self.failed = 0
+        self.failed, self.coarse = 0, None
         moved, used, gained = trial - self.at, self.age, self.cost - new
         self.J = self.J + np.outer(found.white - self.base.white - self.J @ moved, moved) / float(moved @ moved)
         self.at, self.base, self.residual, self.cost, self.age = trial, found, rest, new, OLD
@@ -219,7 +221,7 @@ class _Search:
         elif self.age == OLD:
             return True
         elif self.failed >= DAMPED and self.refined < REFINED and self.precision.jacobians > 0:
-            self.refined += 1
+            self.refined, self.coarse = self.refined + 1, self.J if self.coarse is None else self.coarse
             self._difference()
         else:
             self.failed += 1

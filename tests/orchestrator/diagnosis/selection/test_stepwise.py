@@ -23,7 +23,7 @@ from cobot_joint.diagnosis.estimation.noise import Noise
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.selection import competition, stepwise
-from cobot_joint.diagnosis.selection.competition import Competition
+from cobot_joint.diagnosis.selection.competition import Competition, finished
 from cobot_joint.diagnosis.selection.elimination import prune, without_needless
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.stepwise import Selector, share
@@ -124,7 +124,7 @@ def test_a_further_term_is_fitted_only_where_one_is_predicted_to_take_much_of_wh
         clean = [Axis().simulate(TRUE, recording, added={"axis.tau_add": k * wander})["w"] for k in (0, 1)]
         recording.outputs["w"] = recording.outputs["w"] + clean[1] - clean[0]
     problem, base = refitted(case)
-    first = fit_added(problem, base, [ActiveTerm(COGGING, TRUE)], Precision())
+    first = fit_added(problem, base, [ActiveTerm(COGGING, TRUE)], finished(1))
     assert first is not None
     assert problem.unexplained(first.residual)
     fitted = []

@@ -124,3 +124,24 @@ def test_a_fit_whose_differences_span_a_period_takes_finer_ones() -> None:
     assert found is not None
     assert found.run.values["spring.f"] == pytest.approx(39.95, abs=1e-3)
     assert not problem.unexplained(found.residual)
+
+
+class Rough(Ringing):
+    """Whose answer is another one wherever it is asked, and nowhere better than at its nominal value."""
+
+    def simulate(self, values: Mapping[str, float], recording: Recording, **_: object) -> Signals:
+        """See Plant.simulate."""
+        f = values.get("spring.f", 40.0)
+        off = np.random.default_rng(int(1e9 * f)).normal(0, 1.0, len(recording.time))
+        return {"y": 0.5 + (off if f != 40.0 else 0 * off)}
+
+
+def test_finer_differences_that_do_not_lead_on_are_not_kept() -> None:
+    """They show what is rough, and what follows would take it for a slope."""
+    time = np.arange(3000) * 1e-3
+    recording = Recording("run", "train", "default", time, {}, {"y": np.zeros(3000)}, {"y": "1"})
+    problem = Problem(Rough(), [recording], {"y": Noise(0.02)}, jobs=1)
+    found = fit(problem, Hypothesis(tolerances(problem, {"spring.f": (38.0, 42.0)})))
+    assert found is not None
+    coarse = difference(problem, found.hypothesis, found.x, found.simulated)
+    np.testing.assert_array_equal(found.jacobian, coarse)

@@ -6,17 +6,15 @@ import queue
 import re
 import threading
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
 from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.cosim import Simulation
-from cobot_joint.cosim.instances import UnfitError, UnitEndedError
-from cobot_joint.cosim.schemes import MONOLITHIC
+from cobot_joint.cosim.instances import UnitEndedError
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.plant import (
     SPEEDS,
@@ -33,8 +31,6 @@ from cobot_joint.system.model import Component, Connection, Connector, System
 from cobot_joint.system.wiring import ADDITIVE, CURRENT_MODE
 from cobot_joint.units import Shape, Term, Unit
 
-FASTEST = replace(MONOLITHIC, pace=2e4)  # 1/s; there units that step themselves take as long
-COARSE = replace(FASTEST, tolerance=16 * FASTEST.tolerance)
 MOTION, LOADS = ("rad", "rad/s", "m", "m/s"), ("N.m", "N", "A")  # units of measure
 
 
@@ -107,8 +103,7 @@ class FmuPlant:
         start, late = setting_in(values, onsets)
         with self._simulation(recording.setup, bool(added)) as simulation:
             try:
-                run = partial(
-                    run_beside,
+                return run_beside(
                     simulation,
                     recording,
                     start,
@@ -116,10 +111,6 @@ class FmuPlant:
                     added=added,
                     record=[*recording.outputs, *signals],
                 )
-                if simulation.is_one_system:
-                    with suppress(UnfitError):  # units step themselves then: faster, or the only way
-                        return run(scheme=COARSE if recording.coarse else FASTEST)
-                return run()
             except SimulationError as error:
                 if isinstance(error, UnitEndedError):
                     self._note(error, values)

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.cosim import Experiment, Feedback, Simulation, SimulationError
-from cobot_joint.cosim.schemes import Scheme
+from cobot_joint.cosim.instances import UnfitError
+from cobot_joint.cosim.schemes import MONOLITHIC
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.plant import Courses
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import Inputs, System, Value
 
 Signals = Mapping[str, NDArray[np.float64]]
+
+FASTEST = replace(MONOLITHIC, pace=2e4)  # 1/s; there units that step themselves take as long
+COARSE = replace(FASTEST, tolerance=16 * FASTEST.tolerance)
 
 
 def run_beside(
@@ -26,9 +32,9 @@ def run_beside(
     courses: Courses | None = None,
     added: Signals | None = None,
     record: Sequence[str],
-    scheme: Scheme | None = None,
 ) -> dict[str, NDArray[np.float64]]:
-    """`record` at the recording's time, each (n,), by a scheme, or coupled as the system says, else by the default one.
+    """`record` at the recording's time, each (n,). Units of ours as one system; where there are others, or the system
+    says how it is coupled, they step themselves.
 
     values: `component.variable` -> value over the system's own. courses: those that change on the way, by the time
     since the recording's first sample. added: (n,) each, on top of what the recording has there. UserError: a name or
@@ -37,17 +43,19 @@ def run_beside(
     time = recording.time - recording.time[0]  # what fades or warms up does so from the run's beginning
     events = [(t, {name: x}) for name, of_time in (courses or {}).items() for t, x in of_time]
     start = {**values} | {_variable(simulation.system, name): value for name, value in recording.initial.items()}
-    result = simulation.run(
-        Experiment(
-            Inputs(time, summed(recording.inputs, added or {})),
-            float(time[-1]),
-            output_step=recording.step,
-            parameters=start,
-            parameter_events=sorted(events, key=lambda event: event[0]),
-            record=record,
-            scheme=scheme,
-        )
+    experiment = Experiment(
+        Inputs(time, summed(recording.inputs, added or {})),
+        float(time[-1]),
+        output_step=recording.step,
+        parameters=start,
+        parameter_events=sorted(events, key=lambda event: event[0]),
+        record=record,
     )
+    result = None
+    if simulation.is_one_system:
+        with suppress(UnfitError):  # units step themselves then: faster, or the only way
+            result = simulation.run(replace(experiment, scheme=COARSE if recording.coarse else FASTEST))
+    result = result or simulation.run(experiment)
     if len(result.time) < len(time):
         raise SimulationError(f"{simulation.system.name} ends at {result.time[-1]:.6g} s of {time[-1]:.6g} s")
     return dict(result.signals)

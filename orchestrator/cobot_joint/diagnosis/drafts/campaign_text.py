@@ -27,15 +27,16 @@ WORDS = {
     "bremse": "brake", "mot": "motor",
     "speed": "w", "velocity": "w", "n": "w", "omega": "w", "angle": "phi", "position": "phi",
     "pos": "phi", "lage": "phi", "positions": "phi", "winkel": "phi", "geschwindigkeit": "w", "geschwindigkeits": "w",
-    "drehzahl": "w", "torque": "tau", "moment": "tau", "drehmoment": "tau", "m": "tau", "current": "i", "strom": "i",
-    "voltage": "v", "spannung": "v", "u": "v", "ab": "sensor", "last": "load",
+    "drehzahl": "w", "vel": "w", "spd": "w", "torque": "tau", "trq": "tau", "moment": "tau", "drehmoment": "tau",
+    "m": "tau", "current": "i", "iq": "i", "strom": "i",
+    "voltage": "v", "spannung": "v", "u": "v", "ab": "sensor", "last": "load", "gyro": "load", "imu": "load",
     "drum": "load", "table": "load", "turntable": "load", "wheel": "load", "carriage": "load", "slide": "load",
 }  # fmt: skip
 # units at the end of a name, as identifiers have them: `n_rpm`
 SUFFIXES = {
     "rpm": "rpm", "rad": "rad", "mrad": "mrad", "deg": "deg", "rad_s": "rad/s", "rads": "rad/s", "radps": "rad/s",
     "deg_s": "deg/s", "degs": "deg/s", "dps": "deg/s", "nm": "N.m", "mnm": "mN.m", "ncm": "N.cm", "mA": "mA",
-    "mV": "mV", "mm": "mm", "um": "um", "mm_s": "mm/s",
+    "mV": "mV", "mm": "mm", "um": "um", "mm_s": "mm/s", "degc": "degC",
 }  # fmt: skip
 # words that say what a column is, not whose
 QUANTITIES = {COMMAND, ACTUAL, "w", "phi", "tau", "i", "v", "s", "value", "wert"}

@@ -116,7 +116,7 @@ PARTS: dict[str, Part] = {
         "link", "link of a robot", before=("phi_p", "w_p", "tau_s"), moves=("before",),
         data_sheet=("arm.J_l", "arm.m", "arm.r", "friction.tau_C", "friction.d"), values=STICKS,
         shows={"phi_link": ("phi_p", "angle of the link"), "w_link": ("w_p", "speed of the link")},
-        fits={"arm.m": "5 %", "arm.r": "5 %"} | FRICTION,
+        fits={"arm.J_l": "10 %", "arm.m": "5 %", "arm.r": "5 %"} | FRICTION,
     ),
     "pendulum": Part(
         "driven_load", "pendulum", before=("phi", "w", "tau"), moves=("before",),

@@ -102,11 +102,16 @@ class Fit:
         coordinates = enumerate(self.hypothesis.coordinates)
         return {c.component for k, c in coordinates if c.kind != "base" and self._at(k)}
 
-    @property
-    def is_strained(self) -> bool:
-        """Whether so many base parameters end at the ends of their tolerances that the machine is no healthy one."""
-        ends = [bool(self._at(k)) for k, c in enumerate(self.hypothesis.coordinates) if c.kind == "base"]
-        return sum(ends) >= max(FEWEST, STRAINED * len(ends))
+    def is_strained(self, stretches: Stretches) -> bool:
+        """Whether so many base parameters end at the ends of their tolerances that the machine is no healthy one.
+
+        One whose interval is as wide as its tolerance may end anywhere. stretches: see covariance.
+        """
+        covariance, coordinates = self.covariance(stretches), self.hypothesis.coordinates
+        base = [k for k, c in enumerate(coordinates) if c.kind == "base"]
+        reach = {k: (coordinates[k].upper - coordinates[k].lower) / 2 for k in base}
+        ends = sum(bool(self._at(k)) and NORMAL * _sigma(covariance, k) < reach[k] for k in base)
+        return ends >= max(FEWEST, STRAINED * len(base))
 
     def _at(self, k: int) -> Literal["lower", "upper"] | None:
         """The bound at which coordinate k is."""

@@ -112,7 +112,7 @@ def look_outside(
         slack = thresholds.ALIKE + thresholds.ALIKE_SHARE * max(problem.excess(explained.residual), 0.0)
         slow = not selected and _takes_what_is_slow(problem, calibrated, explained, best)
         nearly = max(slack, thresholds.HARDLY_LEFT_SHARE * taken) if _beyond_what_was_driven(explained) else slack
-        strained = bool(selected) and explained.is_strained and not best.is_strained
+        strained = bool(selected) and _is_strained(problem, explained) and not _is_strained(problem, best)
         abreast = strained and gain >= thresholds.ABREAST * taken
         alone = slow or abreast or gain >= taken - (nearly if selected else 0.0)
         instead = len(selected) > 1 and gain >= thresholds.ALONE * first
@@ -265,6 +265,10 @@ def _beside(
     found = Outside(Selection([calibrated, fewer], kept), gain, _others(problem, explained, best))
     say(f"{found.name} outside its tolerance leaves a third of what the terms leave")
     return found
+
+
+def _is_strained(problem: Problem, found: Fit) -> bool:
+    return found.is_strained(problem.stretches(found.residual))
 
 
 def _beyond_what_was_driven(explained: Fit) -> bool:

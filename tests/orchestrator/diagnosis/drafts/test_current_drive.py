@@ -114,6 +114,14 @@ def test_a_current_whose_name_ends_with_its_unit_goes_in(tmp_path: Path, cobot_j
     assert draft["channels"] == {"motor_current_A [A]": GOES_IN, "motor_speed_rad_s [rad/s]": "w_motor"}
 
 
+def test_a_q_axis_current_is_a_current(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:
+    """`ank.iq_cmd_A` was taken for volts."""
+    draft = drafted(tmp_path, cobot_joint, {"ank.iq_cmd_A": 1.5, "ank.iq_act_A": 1.5, "ank.mot_vel_rpm": 1200.0})
+    assert draft["channels"] == {
+        "ank.iq_act_A [A]": "i_motor", "ank.iq_cmd_A [A]": GOES_IN, "ank.mot_vel_rpm [rpm]": "w_motor"
+    }  # fmt: skip
+
+
 def test_a_draft_that_nothing_drives_is_said_to_lack_an_input(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:
     np.savetxt(tmp_path / "a.csv", np.column_stack([T, np.sin(9 * T)]), delimiter=",", header="t [s],n [rpm]")
     assert cobot_joint("new", "--chain", "motor,load", "--out", "m").returncode == 0

@@ -172,6 +172,25 @@ def test_a_torque_in_lower_case_is_no_length() -> None:
     assert found.why == "by its name; its unit by its name"
 
 
+def test_a_gyro_shows_the_load_and_no_drive_s_own_speed(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:
+    """It was taken for the motor's, and with it a temperature for a voltage."""
+    t = np.arange(400) * 1e-2
+    columns = {"t_s": t, "u_cmd_V": np.sin(t), "gyro_z_dps": np.cos(t), "mot_temp_degC": 20 + t}
+    np.savetxt(
+        tmp_path / "run.csv", np.column_stack([*columns.values()]), delimiter=",", header=",".join(columns), comments=""
+    )
+    assert cobot_joint("new", "--chain", "motor,shaft,load", "--out", "pan").returncode == 0
+    assert cobot_joint("inspect", "run.csv", "--system", "pan/system.ssd", "--out", "first").returncode == 0
+    text = (tmp_path / "first/campaign.toml").read_text()
+    assert '"gyro_z_dps [deg/s]" = "w_load"   # guess: by its name' in text
+    assert '# "mot_temp_degC [degC]" = "motor.T_w"   # not used; it could be motor.T_w' in text
+
+
+def test_a_link_s_inertia_may_be_off_as_its_mass(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:
+    assert cobot_joint("new", "--chain", "link", "--set", "link.J_l=0.18 kg m2", "--out", "arm").returncode == 0
+    assert '"link.arm.J_l" = "10 %"' in (tmp_path / "arm/campaign.toml").read_text()
+
+
 def test_of_a_shaft_that_is_assumed_the_stiffness_and_damping_of_a_rigid_coupling_are_said(
     cobot_joint: Callable[..., Done],
 ) -> None:

@@ -31,7 +31,7 @@ def test_a_run_is_the_same_whatever_its_clock_begins_with() -> None:
 
 
 def test_checks_and_search_simulate_alike() -> None:
-    """A stiff sensor behind a harmonic drive's light output: stepped by themselves the units gave up, and the checks before
+    """A stiff sensor behind a light output shaft: stepped by themselves the units gave up, and the checks before
     the search ended with that, though the search could simulate it."""
     t = 1e-3 * np.arange(301)
     inputs = {"v_command": np.where(t < 0.05, 0.0, 6.0)}

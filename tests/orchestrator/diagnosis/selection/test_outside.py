@@ -112,7 +112,7 @@ def test_where_a_term_needs_many_parameters_at_their_ends_one_that_takes_nearly_
     problem, base = calibrate(case, Axis(), lambda words: None, Store(None))
     listed = fit_added(problem, base, [ActiveTerm(TERMS[0], {"axis.windage.c": 1e-6})], finished(2, steps=30))
     assert listed is not None
-    monkeypatch.setattr(Fit, "is_strained", property(lambda found: strained and bool(found.hypothesis.terms)))
+    monkeypatch.setattr(Fit, "is_strained", lambda found, _: strained and bool(found.hypothesis.terms))
     taken = Selected("axis.windage", base.cost - listed.cost)
     found = look_outside(problem, base, listed, [taken], lambda best: Selection([best]), lambda words: None)
     if strained:

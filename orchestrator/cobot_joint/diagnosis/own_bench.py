@@ -26,6 +26,7 @@ if not console.is_terminal:
     console = Screen(width=160)
 POINTS = 4000  # of a channel in a picture
 RIGID = 100.0  # Hz, above what a drive's loop follows
+HARDLY = 50.0  # times a shaft's stiffness, of a mesh that takes a fiftieth of it away
 STIFF = 50.0  # Hz, at which a load rings on a spring that a machine has only in the model
 
 
@@ -239,7 +240,7 @@ def new(
     words = [(name, part.words) for name, part in made.parts.items()]
     console.print(write_readable(made.system, words, folder / "system.ssd"), soft_wrap=True)
     if chain:
-        console.print(*_shaft(made, values), *_supply(made, values), sep="", end="")
+        console.print(*_shaft(made, values), *_mesh(made, values), *_supply(made, values), sep="", end="")
     console.print(*_ringing(made), *_commanded(made, values), sep="", end="")
     (folder / "campaign.toml").write_text(_campaign(made.system, folder), encoding="utf-8")
     console.print(folder / "campaign.toml", soft_wrap=True)
@@ -280,6 +281,21 @@ def _shaft(made: Chain, given: Collection[str]) -> list[str]:
     c, d = _as_good_as_rigid(*inertias) if all(J > 0 for J in inertias) else (math.nan, math.nan)
     rigid = f"; of a coupling that hardly gives: --set shaft.c_s={c:.3g} --set shaft.d_s={d:.3g}" if c > 0 else ""
     return [f"{between}; that stiffness is assumed: set the real one with --set 'shaft.c_s=VALUE'{rigid}\n"]
+
+
+def _mesh(made: Chain, given: Collection[str]) -> list[str]:
+    """What a gear's stiffness that nobody gave makes of a shaft's that somebody did; nothing: it hardly gives."""
+    named = {"gear.c", "gear.mesh.c", "gear.stiffness"} & {*given}
+    if named or "shaft.c_s" not in given or "gear" not in made.parts:
+        return []
+    mesh = made.system.component("gear").parameters["mesh.c"]
+    shaft = made.system.component("shaft").parameters["shaft.c_s"]
+    if mesh > HARDLY * shaft:
+        return []
+    return [
+        f"the gear's mesh of {mesh:g} N.m/rad is assumed, and makes {1 / (1 / mesh + 1 / shaft):.3g} of the shaft's "
+        f"{shaft:g}: --set 'gear.mesh.c=VALUE'; of teeth that hardly give: --set gear.mesh.c={HARDLY * shaft:g}\n"
+    ]
 
 
 def _supply(made: Chain, given: Collection[str]) -> list[str]:

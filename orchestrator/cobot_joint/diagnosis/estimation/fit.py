@@ -102,7 +102,7 @@ class Fit:
         coordinates = enumerate(self.hypothesis.coordinates)
         return {c.component for k, c in coordinates if c.kind != "base" and self._at(k)}
 
-    def is_strained(self, stretches: Stretches) -> bool:
+    def is_strained(self, stretches: Stretches | None) -> bool:
         """Whether so many base parameters end at the ends of their tolerances that the machine is no healthy one.
 
         One whose interval is as wide as its tolerance may end anywhere. stretches: see covariance.

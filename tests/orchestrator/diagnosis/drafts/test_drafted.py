@@ -202,6 +202,18 @@ def test_of_a_shaft_that_is_assumed_the_stiffness_and_damping_of_a_rigid_couplin
     assert f"--set shaft.c_s={c:.3g} --set shaft.d_s={d:.3g}" in " ".join(done.stdout.split())
 
 
+@pytest.mark.parametrize(("given", "told"), [((), True), (("gear.stiffness=4e4",), False)])
+def test_a_gear_s_stiffness_that_nobody_gave_is_said_beside_a_shaft_s_that_was_given(
+    cobot_joint: Callable[..., Done], given: tuple[str, ...], told: bool
+) -> None:
+    """A conveyor's shaft of 850 N.m/rad gave 662 with it, and ended at the end of its tolerance."""
+    values = [word for value in ("shaft.c_s=850", "shaft.d_s=1.2", *given) for word in ("--set", value)]
+    done = cobot_joint("new", "--chain", "motor,gear,shaft,load", "--out", "conveyor", *values)
+    said = "the gear's mesh of 3000 N.m/rad is assumed, and makes 662 of the shaft's 850"
+    assert (said in " ".join(done.stdout.split())) == told
+    assert ("--set gear.mesh.c=42500" in done.stdout) == told
+
+
 def test_an_angle_whose_speed_is_used_is_offered_to_the_same_part_first_and_to_no_error_of_an_angle(
     tmp_path: Path, cobot_joint: Callable[..., Done]
 ) -> None:

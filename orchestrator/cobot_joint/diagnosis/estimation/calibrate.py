@@ -24,7 +24,8 @@ from cobot_joint.diagnosis.store import Store
 
 SETTLED = 0.02  # of what is above noise, that a re-fit may leave to its next step
 KNOTS = (2, 4, 8, 16)  # samples from one to the next
-UNFELT = 0.1  # of what a term must take, that a coarser simulation may change
+UNFELT = 0.1  # of what a term must take, that a coarser simulation may change,
+UNSEEN = 1e-5  # or of what the base model leaves: a three-hundredth of its amplitude
 CALIBRATION = Precision(settled=10.0, roughly=SETTLED, jacobians=8)
 Progress = Callable[[str], None]
 
@@ -37,20 +38,18 @@ def calibrate(campaign: Campaign, plant: Plant, say: Progress, store: Store) -> 
     problem = with_long_steps(given, base.run(base.start()))
     watched(problem, say)("re-fitting the base model inside its tolerances")
     calibrated = store.remember("calibrated", told(campaign), lambda: _calibrated(problem, base))
-    quiet = with_quiet_inputs(with_long_steps(given, calibrated.run), calibrated.run)
-    if _as_simulated(quiet) != _as_simulated(problem):
-        watched(quiet, say)("re-fitting the base model, measured inputs simulated more coarsely")
-        start = calibrated.x
-        again = store.remember("calibrated, inputs quiet", (told(campaign), start), lambda: refit(quiet, base, start))
-        problem, calibrated = (quiet, again) if again is not None else (given, calibrated)
     off = left_of_each(problem, calibrated)
-    if drifting := drifts(problem, off, campaign.told):
-        weighed, start = Problem(plant, problem.recordings, problem.noise | drifting), calibrated.x
-        watched(weighed, say)("re-fitting the base model, drift of positions set aside")
-        again = store.remember("calibrated again", (told(campaign), start), lambda: refit(weighed, base, start))
-        if again is not None:
-            problem, calibrated = weighed, again
-            problem.drifting = {name: off[name] for name in drifting}
+    drifting = drifts(problem, off, campaign.told)
+    weighed = Problem(plant, given.recordings, given.noise | drifting) if drifting else given
+    quiet = with_quiet_inputs(with_long_steps(weighed, calibrated.run), calibrated.run)
+    why = ["drift of positions set aside"] if drifting else []
+    why += ["measured inputs simulated more coarsely"] if _as_simulated(quiet) != _as_simulated(problem) else []
+    if why:
+        watched(quiet, say)("re-fitting the base model, " + ", ".join(why))
+        start = calibrated.x
+        again = store.remember("calibrated again", (told(campaign), start), lambda: refit(quiet, base, start))
+        problem, calibrated = (quiet, again) if again is not None else (given, calibrated)
+        problem.drifting = {name: off[name] for name in drifting} if again is not None else {}
     return problem, calibrated
 
 
@@ -88,7 +87,8 @@ def _unfelt(problem: Problem, followed: Simulated | None, tried: Sequence[Record
     (found,) = _of(problem, tried).simulate([run])
     if followed is None or found is None:
         return [False for _ in tried]
-    off, least = (followed.white - found.white) ** 2, UNFELT * problem.evidence / len(tried)
+    off, above = (followed.white - found.white) ** 2, problem.above(problem.recorded - followed.white)
+    least = max(UNFELT * problem.evidence, UNSEEN * above) / len(tried)
     return [float(off[problem.rows_of([n])].sum()) < least for n in range(len(tried))]
 
 

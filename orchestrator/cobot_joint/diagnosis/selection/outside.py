@@ -109,10 +109,11 @@ def look_outside(
     best = leaves_least(problem, calibrated, thresholds.WORTH_FITTING * max(taken if len(selected) < 2 else first, 0.0))
     gain = calibrated.cost - best.cost if best is not None else 0.0
     if best is not None and gain >= problem.evidence:
-        slack = thresholds.ALIKE + thresholds.ALIKE_SHARE * max(problem.excess(explained.residual), 0.0)
+        slack = _slack(problem, explained)
         slow = not selected and _takes_what_is_slow(problem, calibrated, explained, best)
         nearly = max(slack, thresholds.HARDLY_LEFT_SHARE * taken) if _beyond_what_was_driven(explained) else slack
-        strained = bool(selected) and _is_strained(problem, explained) and not _is_strained(problem, best)
+        fits = [found.is_strained(problem.stretches(found.residual)) for found in (explained, best)]
+        strained = bool(selected) and fits == [True, False]
         abreast = strained and gain >= thresholds.ABREAST * taken
         alone = slow or abreast or gain >= taken - (nearly if selected else 0.0)
         instead = len(selected) > 1 and gain >= thresholds.ALONE * first
@@ -134,8 +135,8 @@ def look_outside(
 
 
 def nearly_alone(problem: Problem, listed: Selection, select: Select, say: Say) -> Outside | None:
-    """A parameter that takes nearly all, where listed terms leave what stands out and several times as much, and the
-    listed terms beside it. Asked before formulas are: one of these imitates a wrong inertia, and takes minutes.
+    """A parameter that takes nearly all, where listed terms leave what stands out, and several times as much or are one
+    that takes no more; and those beside it. Asked before formulas, one of which imitates a wrong inertia in minutes.
 
     None: there is none, or the terms leave no more without it.
     """
@@ -148,12 +149,15 @@ def nearly_alone(problem: Problem, listed: Selection, select: Select, say: Say) 
     if best is None or problem.above(best.residual) > thresholds.REMAINDER * above:
         return None
     left, rest = remains(problem, listed.fit, best)
-    if left < thresholds.TIMES_LESS * rest:
+    behind, slack = best.cost - listed.fit.cost, _slack(problem, listed.fit)
+    as_one = len(listed.selected) == 1 and behind < slack
+    if left < thresholds.TIMES_LESS * rest and not as_one:
         return None
     more = _with_terms(problem, best, select)
     if _needless(problem, calibrated, best, more):
         return None
-    found = Outside(more, calibrated.cost - best.cost, _others(problem, calibrated, best))
+    alike = (listed.selected[0].term, *listed.selected[0].alike) if as_one and behind > -slack else ()
+    found = Outside(more, calibrated.cost - best.cost, (*alike, *_others(problem, calibrated, best)))
     say(f"{found.name} outside its tolerance takes {share(found.gain, above)} of what is above noise")
     return found
 
@@ -267,8 +271,9 @@ def _beside(
     return found
 
 
-def _is_strained(problem: Problem, found: Fit) -> bool:
-    return found.is_strained(problem.stretches(found.residual))
+def _slack(problem: Problem, found: Fit) -> float:
+    """Cost by which another may differ from it, and cannot be told from it."""
+    return thresholds.ALIKE + thresholds.ALIKE_SHARE * max(problem.excess(found.residual), 0.0)
 
 
 def _beyond_what_was_driven(explained: Fit) -> bool:
@@ -338,7 +343,7 @@ def _others(problem: Problem, calibrated: Fit, best: Fit) -> tuple[str, ...]:
     """Parameters that, let go of in its place, leave as little: a carriage of 8.4 kg for 6 was a rotor of 3.7 times its
     inertia, 95 %, on a shaft that turns as if stiff."""
     name, gain = best.hypothesis.effects[-1].name, calibrated.cost - best.cost
-    slack = thresholds.ALIKE + thresholds.ALIKE_SHARE * max(problem.excess(best.residual), 0.0)
+    slack = _slack(problem, best)
     freed = [free for free in _freed(calibrated) if free.hypothesis.effects[-1].name != name]
     likely = sorted(freed, key=predicted_decrease, reverse=True)[: TRIED - 1]
     found = []

@@ -79,7 +79,7 @@ def test_a_parameter_that_takes_nearly_all_is_the_answer_before_formulas_are_ask
 
 
 def test_one_term_that_takes_no_more_does_not_keep_a_parameter_waiting() -> None:
-    """A link's centre of gravity 25 % off, which an imbalance imitates, was asked for after every port's formulas."""
+    """It was asked for after the formulas of every port."""
     case = campaign({"axis.J": 1.6 * NOMINAL["axis.J"], "axis.windage.c": 3e-6})
     problem, base = calibrate(case, Axis(), lambda words: None, Store(None))
     best = leaves_least(problem, base, 0.5 * problem.above(base.residual))

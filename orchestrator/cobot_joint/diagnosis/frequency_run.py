@@ -74,8 +74,8 @@ def diagnose_response_campaign(path: Path, out: Path, *, progress: Progress | No
     picture = Picture(out / "report", "amplitudes", response.given.title, X_LABEL, [*panels, others], x_log=True)
     files = [out / "report.html", write_png(picture), _write_table(response, best, out)]
     sentence = verdict_sentence(content, texts)
-    write_json(out / "diagnosis.json", content)
     store.clear()
+    write_json(out / "diagnosis.json", content)
     return Outcome(sentence, content, {CHANNEL: "1"}, [out / "diagnosis.json", out / "repaired.ssp", *files])
 
 

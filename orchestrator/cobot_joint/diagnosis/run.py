@@ -56,7 +56,7 @@ def diagnose_campaign(
     within: float = math.inf,
     progress: Progress | None = None,
 ) -> Outcome:
-    """Diagnose, repair, compare, report. diagnosis.json is written last: where it is, everything is.
+    """Diagnose, repair, compare, report. diagnosis.json is written last: where it is, all is written and cleared away.
 
     Stages that an earlier, interrupted call finished are taken from OUT/.work. within: s, after which nothing further
     is looked at.
@@ -95,9 +95,9 @@ def diagnose_campaign(
         system=fullest(systems),
     )
     write_report(out / "report.html", data)
-    write_json(out / "diagnosis.json", content | {"provenance": source})
     if not diagnosis.left_out:
         store.clear()
+    write_json(out / "diagnosis.json", content | {"provenance": source})
     files = [out / name for name in ("diagnosis.json", "report.html", "repaired.ssp", "fmus")]
     return Outcome(verdict_sentence(content, texts), content, units_of(campaign), files)
 

@@ -50,7 +50,7 @@ class Store:
         return result
 
     def clear(self) -> None:
-        """Forget everything: the answer is written, and what it went through takes more room than all the rest."""
+        """Forget everything: the answer is ready, and what it went through takes more room than all the rest."""
         if self.folder is not None:
             shutil.rmtree(self.folder, ignore_errors=True)
 

@@ -29,6 +29,7 @@ from cobot_joint.diagnosis.repair import verify as repair_verify
 from cobot_joint.diagnosis.repair.discrepancy import Discrepancy, Process
 from cobot_joint.diagnosis.repair.export import repaired_system
 from cobot_joint.diagnosis.repair.verify import verify
+from cobot_joint.diagnosis.store import Store
 from cobot_joint.diagnosis.thresholds import WITHHELD
 from cobot_joint.errors import UserError
 from cobot_joint.system.read import load_system
@@ -253,6 +254,21 @@ def test_a_wrong_export_does_not_pass(campaign_file: Path, tmp_path: Path, monke
     (tmp_path / "repaired.ssp").unlink()
     with pytest.raises(UserError, match=r"repaired\.ssp': there is none"):
         verify(tmp_path, campaign)
+
+
+def test_killed_while_finished_stages_are_deleted_it_has_not_answered_yet(
+    campaign_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`prove` takes a case with a diagnosis.json for finished, and left hundreds of MB beside one."""
+
+    def killed(store: Store) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(run, "engine", knows(explained()))
+    monkeypatch.setattr(Store, "clear", killed)
+    with pytest.raises(KeyboardInterrupt):
+        run.diagnose_campaign(load_campaign(campaign_file), tmp_path / "d")
+    assert not (tmp_path / "d/diagnosis.json").exists()
 
 
 class Evil:

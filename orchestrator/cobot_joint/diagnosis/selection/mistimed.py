@@ -86,7 +86,8 @@ def held_inputs(problem: Problem, at: Fit) -> list[str]:
         (simulated,) = Problem(problem.plant, recordings, problem.noise).simulate([at.run])
         if simulated is None:
             continue
-        instead = replace(at, residual=problem.recorded - simulated.white)
+        residual = problem.recorded - simulated.white
+        instead = replace(at, residual=residual, chi2=float(residual @ residual))
         left = [f.chi2 - predicted_decrease(f) for f in (at, instead)]
         if left[0] - left[1] > max(HOLDING * above, problem.evidence):
             words.append(

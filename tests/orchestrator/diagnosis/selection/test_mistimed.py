@@ -62,6 +62,14 @@ def test_an_input_that_leaves_less_if_it_is_held_is_told_of(hold: bool) -> None:
     assert not hold or "write hold = true in [channels]" in words[0]
 
 
+def test_beside_a_background_an_input_that_leaves_more_if_it_is_held_is_not_told_of() -> None:
+    """Three times as much was left, of which a re-fit took some: said was "133 % less" (field/open case02)."""
+    with one_blas_thread():
+        problem, base = calibrate(beside_a_background(0), Axis(), lambda words: None, Store(None))
+        assert problem.unexplained(base.residual)
+        assert held_inputs(problem, base) == []
+
+
 @pytest.mark.long
 def test_beside_a_channel_that_is_late_no_name_is_a_claim() -> None:
     found = diagnose_plant(beside_a_background(LATE), Axis())

@@ -27,6 +27,7 @@ LEAST = 20  # windows that a recording must have
 ON_THE_WAY = Precision(settled=10.0, roughly=0.02, steps=8, jacobians=1)  # of the slow parts' fits
 FAR = 0.03  # of the slow residual above noise, that a re-fit would take: of 45 calibrations on ../shared 8 have more,
 # up to 0.63; there the better of both fits counts, so that it costs time only
+LEADS = 0.01  # of what all rows leave above noise, that they are predicted to lose from there: COUNTED
 
 
 class Averaged(Problem):
@@ -74,7 +75,17 @@ def _led_out(problem: Problem, found: Fit, slowest_first: Sequence[Averaged], pr
         if begun is None or (_is_far(slow, found) and not _lost(slow, found, begun.chi2)):
             return None
         at = begun
+        if not _leads_on(problem, found, at):
+            return None
     return fit_on(problem, at, precision)
+
+
+def _leads_on(problem: Problem, found: Fit, at: Fit) -> bool:
+    """Whether all rows, fitted on from where their slow part is best, are predicted to leave less than before: not
+    where another form is missing, as on nearly every machine of which something is."""
+    there = replace(at, chi2=float(at.residual @ at.residual))
+    worth = LEADS * max(found.cost - problem.samples, 0.0)
+    return there.cost - predicted_decrease(there) < found.cost - worth
 
 
 def slow_first(problem: Problem, hypothesis: Hypothesis, x: Vector, precision: Precision) -> Fit | None:

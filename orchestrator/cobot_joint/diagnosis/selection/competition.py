@@ -22,6 +22,7 @@ FITTED = 4  # candidates of a ranking that are fitted with everything else free
 SIZES = (0.3, 1.0, 3.0)  # multiples of the score test's amplitude that a fit may start from
 LARGER = 10.0  # the same, where the largest of these does best: runs far from the data are the slowest
 FINISHED = 2  # of the candidates, that are fitted to the end
+OUTDONE, MUCH = 5.0, 0.01  # times what another leaves, or this share of all, that a candidate leaves which is as it is
 ONSET = 1e-3  # s; to which an onset is refined
 NEAR, LOOKS = 0.125, 31  # segments about an onset, and how many in them: a valley is 0.02 wide
 STEPS = 5  # of ONSET, either way from there
@@ -57,6 +58,7 @@ class Competition:
         first = not best.hypothesis.effects
         fits: dict[str, Fit] = {}
         enough = -np.inf  # predicted gain from which on a candidate is tried
+        roughest = np.inf
         for k, score in enumerate([s for s in ranked if s.gain > least][: 2 * FITTED]):
             if score.gain < enough and not _is_kin(score, fits):
                 continue
@@ -68,8 +70,12 @@ class Competition:
             promised = min(cost, best.cost - score.gain)  # as it is, or by its sensitivity: either may mislead
             if not leads and _is_hopeless(best, promised, lowest.cost):
                 continue
-            found = self.with_best_onset(best, active, lowest.cost if fits else np.inf)
-            if found is None or found.cost >= best.cost:
+            rough = self.roughly(best, active)
+            if rough is None:
+                continue
+            roughest = min(roughest, rough.cost)
+            found = self._with_exact_onset(best, rough, lowest.cost if fits else np.inf, roughest)
+            if found.cost >= best.cost:
                 continue
             fits[score.term.name] = found
             hardly = self._hardly_left, thresholds.HARDLY_LEFT_SHARE * above
@@ -84,7 +90,14 @@ class Competition:
     def _finished(self, best: Fit, fits: dict[str, Fit]) -> dict[str, Fit]:
         lowest = min(f.cost for f in fits.values())
         reach = thresholds.NEAR_BEST * max(best.cost - lowest, 0.0)
-        near = sorted((item for item in fits.items() if item[1].cost - lowest < reach), key=lambda item: item[1].cost)
+        near = sorted(
+            (
+                (name, fit)
+                for name, fit in fits.items()
+                if fit.cost - lowest < reach and not self._is_outdone(best, fit.cost, lowest)
+            ),
+            key=lambda item: item[1].cost,
+        )
         found = {name: self.finished(f) for name, f in near[:FINISHED]}
         if len(found) > 1 and not any(self.problem.unexplained(f.residual) for f in found.values()):
             # only at their ends can such be told apart
@@ -97,24 +110,29 @@ class Competition:
         ended = fit_on(self.problem, found, finished(jacobians)) or found
         return out_of_local_minimum(self.problem, ended, finished(jacobians)) if jacobians else ended
 
-    def with_best_onset(self, best: Fit, active: ActiveTerm, lowest: float = np.inf) -> Fit | None:
-        """A term that was sized from the start, and, where it sets in later, from then on: the better fit of both.
+    def roughly(self, best: Fit, active: ActiveTerm) -> Fit | None:
+        """A term that was sized from the start, and, where it sets in later, from then on: the better fit of both."""
+        always = fit_added(self.problem, best, [replace(active, onset=None)], ROUGH)
+        if active.term.episode or active.onset is None:
+            return always
+        if always is not None and self.problem.excess(always.residual) < self._hardly_left:
+            return always
+        later = fit_added(self.problem, best, [active], ROUGH)
+        return min(filter(None, (always, later)), key=attrgetter("cost"), default=None)
 
-        lowest: cost of another term's fit; where this one comes nowhere near it, or takes little of what is above
-        noise, its onset need not be exact.
-        """
-        found = fit_added(self.problem, best, [replace(active, onset=None)], ROUGH)
-        if not active.term.episode:
-            if active.onset is None or (found is not None and self.problem.excess(found.residual) < self._hardly_left):
-                return found
-            later = fit_added(self.problem, best, [active], ROUGH)
-            if later is None or (found is not None and found.cost <= later.cost):
-                return found
-            found = later
-        if found is None or _is_hopeless(best, found.cost, lowest):
-            return found
-        little = best.cost - found.cost < thresholds.WORTH_FITTING * self.problem.above(best.residual)
-        return found if little and not active.term.episode else self.with_onset(found)
+    def _with_exact_onset(self, best: Fit, rough: Fit, lowest: float, roughest: float) -> Fit:
+        """With its onset refined; as it is where it comes nowhere near another term, or takes little of what is above
+        noise. lowest: cost of the best so far; roughest: of the best of those before any onset was refined."""
+        if self._is_outdone(best, rough.cost, roughest) or _is_hopeless(best, rough.cost, lowest):
+            return rough
+        little = best.cost - rough.cost < thresholds.WORTH_FITTING * self.problem.above(best.residual)
+        return rough if little and not rough.hypothesis.terms[-1].term.episode else self.with_onset(rough)
+
+    def _is_outdone(self, best: Fit, cost: float, lowest: float) -> bool:
+        """Whether a candidate leaves much of what is above noise, and many times what another leaves: what either still
+        gains is less."""
+        base, left, least = (max(x - self.problem.samples, 0.0) for x in (best.cost, cost, lowest))
+        return left > OUTDONE * max(least, MUCH * base)
 
     def setting_in(self, best: Fit, found: Sequence[Score], onset: float) -> Fit | None:
         """The best of those that do best as they are, each off until about `onset`. None: none can be simulated."""

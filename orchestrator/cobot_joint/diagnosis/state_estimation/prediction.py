@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cobot_joint.diagnosis.data.quantity import is_position
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.at_once import at_once
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
@@ -79,7 +80,8 @@ def predicted_figures(
 @dataclass(frozen=True)
 class Predicted:
     """Channel -> (n,): free runs over each horizon of unbroken data, NaN where nothing is recorded; and one free run
-    from the recording's beginning on."""
+    from the recording's beginning on, its positions where the recording has them as each horizon begins: what they
+    drifted off before says nothing of it."""
 
     anchored: dict[str, Array]
     free: dict[str, Array]
@@ -129,7 +131,19 @@ def predict(
                 y[first:end] = np.inf
         free = np.where(np.isnan(y), np.nan, whole.y)
         channels = list(enumerate(sampled.channels))
+        for j, name in channels:
+            if is_position(recording.units.get(name)):
+                free[:, j] -= _off_at_begin(free[:, j] - recording.outputs[name], parts)
         return Predicted({name: y[:, j] for j, name in channels}, {name: free[:, j] for j, name in channels})
+
+
+def _off_at_begin(off: Array, parts: Sequence[tuple[int, int]]) -> Array:
+    """Of every sample, how far off the first one was that its piece has: (n,)"""
+    found = np.zeros_like(off)
+    for first, end in parts:
+        known = off[first:end][np.isfinite(off[first:end])]
+        found[first:end] = known[0] if len(known) else 0.0
+    return found
 
 
 def pieces(recording: Recording, horizon: float) -> list[tuple[int, int]]:

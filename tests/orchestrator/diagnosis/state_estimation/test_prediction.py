@@ -11,8 +11,9 @@ from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.state_estimation import prediction
 from cobot_joint.diagnosis.state_estimation.native.restart import LostError
-from cobot_joint.diagnosis.state_estimation.noise import noise_of
+from cobot_joint.diagnosis.state_estimation.noise import ChannelNoise, noise_of
 from cobot_joint.diagnosis.state_estimation.prediction import Predicted, Variant, pieces, predict, predicted_figures
+from cobot_joint.diagnosis.state_estimation.sampled import SampledSystem
 from cobot_joint.system.read import load_system
 from tests.orchestrator.diagnosis.state_estimation.rig import COGGING, NOISE, SIGMA, recorded, run
 
@@ -113,6 +114,21 @@ def test_a_filter_that_is_lost_is_one_that_loses_its_way(monkeypatch: pytest.Mon
 
     monkeypatch.setattr(prediction.StateEstimator, "track", lost)
     assert predict(recording, Variant(BASE), NOISE).lost(recording, NOISE)
+
+
+def test_a_free_run_s_position_is_judged_by_what_it_drifts_within_a_horizon() -> None:
+    """A rotary table's motor drifted 7 rad off with a friction that was right, and by nearly as much without it; that
+    outweighed speeds that it had a third closer, and the filter's loss of its way."""
+    piece = run(seconds=1.0)
+    recording = recorded(piece, noisy=False)
+    with SampledSystem(BASE["loaded"], ["phi_motor"], {}) as sampled:
+        phi = sampled.free(recording).y[:, 0]
+    drift = 0.5  # rad/s
+    recording.outputs["phi_motor"], recording.units["phi_motor"] = phi + drift * piece.time, "rad"
+    free = predict(recording, Variant(BASE), {**NOISE, "phi_motor": ChannelNoise(1e-3)}).free["phi_motor"]
+    off = np.abs(free - recording.outputs["phi_motor"])
+    assert off[:-1:200] == pytest.approx(0.0, abs=1e-9)
+    assert off.max() == pytest.approx(drift * 0.2, rel=0.02)
 
 
 def test_a_unit_whose_states_cannot_be_set_has_no_prediction(axis: Path) -> None:

@@ -35,9 +35,10 @@ def begin_elsewhere(
             begins = begins_apart(r.outputs[name], there)
             if begins is not None:
                 told.add(name)
+                words = f"it begins at {begins:.4g} {r.units[name]} and the simulation at {there:.4g}: if so, "
                 remedy = f'[initial] "{shown.get(name, name)}" = "first sample of {name}"'
-                words = f"it begins at {begins:.4g} {r.units[name]} and the simulation at {there:.4g}: if so, {remedy}"
-                yield Suspicion(r.name, name, "start", words)
+                zero = f'; if only its zero lies elsewhere, offset = "{there - begins:.6g} {r.units[name]}" in [channels]'
+                yield Suspicion(r.name, name, "start", words + remedy + zero)
 
 
 def _first(r: Recording) -> Recording:

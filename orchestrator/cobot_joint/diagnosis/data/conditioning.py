@@ -26,7 +26,7 @@ QUIETEST = (
 WIDTHS = (9, 17, 33, 65, 129)  # samples of a smoother's window
 BESIDE = 2  # samples on either side, by which noise may be correlated
 CUBIC = 3
-APART = 0.05  # of what a position goes through, by which it begins elsewhere
+APART, CLEARLY = 0.05, 100.0  # of what a position goes through, or times its noise, by which it begins elsewhere
 RAIL = 10  # samples in a row at an extreme from which the channel counts as saturated: noise would move them
 
 
@@ -233,7 +233,11 @@ def _left_out(x: NDArray[np.float64], n: int) -> float:
 
 
 def begins_apart(x: NDArray[np.float64], there: float) -> float | None:
-    """Where a position begins, if that is elsewhere than there by more than what its way leaves in doubt; else None."""
+    """Where a position begins, if that is elsewhere than there by more than its way, or its noise, leaves in doubt; else
+    None. A motor that goes through 96 rad began 0.37 rad off, which is 20,000 times its encoder's noise."""
     known = x[np.isfinite(x)]
-    apart = len(known) > 0 and abs(known[0] - there) > APART * np.ptp(known)
+    if not len(known):
+        return None
+    off, sigma = abs(known[0] - there), np.nan_to_num(noise_and_colour(x)[0])
+    apart = off > APART * np.ptp(known) or (sigma > 0 and off > CLEARLY * sigma)
     return float(known[0]) if apart else None

@@ -81,4 +81,17 @@ def test_a_position_that_begins_elsewhere_is_said_with_what_sets_it(
     assert [s.kind for s in found] == ["start"] * said
     if said:
         assert '[initial] "screw.s" = "first sample of s"' in found[0].evidence
+        assert 'if only its zero lies elsewhere, offset = "-0.1 m" in [channels]' in found[0].evidence
         assert not found[0].wrong
+
+
+@pytest.mark.parametrize(("begins", "said"), [(0.37, True), (1e-4, False)])
+def test_an_angle_that_begins_clearly_elsewhere_is_said_however_far_it_goes(begins: float, said: bool) -> None:
+    """A rotary table's motor went through 96 rad, from 0.37 on: its log was drift to the fit, and nobody said why."""
+    time = 1e-3 * np.arange(8000)
+    noise = 1e-5 * np.random.default_rng(1).standard_normal(len(time))
+    angle = begins + 96 * np.sin(np.pi * np.maximum(time - 1.0, 0.0) / 14) ** 2 + noise
+    r = Recording("a", "train", "axis", time, {}, {"phi": angle}, {"phi": "rad"})
+    system = chain(["motor"]).system
+    found = list(begin_elsewhere([r], lambda r: {"phi": np.zeros(len(r.time))}, {"axis": system}))
+    assert [s.kind for s in found] == ["start"] * said

@@ -37,7 +37,9 @@ def begin_elsewhere(
                 told.add(name)
                 words = f"it begins at {begins:.4g} {r.units[name]} and the simulation at {there:.4g}: if so, "
                 remedy = f'[initial] "{shown.get(name, name)}" = "first sample of {name}"'
-                zero = f'; if only its zero lies elsewhere, offset = "{there - begins:.6g} {r.units[name]}" in [channels]'
+                zero = (
+                    f'; if only its zero lies elsewhere, offset = "{there - begins:.6g} {r.units[name]}" in [channels]'
+                )
                 yield Suspicion(r.name, name, "start", words + remedy + zero)
 
 

@@ -233,8 +233,8 @@ def _left_out(x: NDArray[np.float64], n: int) -> float:
 
 
 def begins_apart(x: NDArray[np.float64], there: float) -> float | None:
-    """Where a position begins, if that is elsewhere than there by more than its way, or its noise, leaves in doubt; else
-    None. A motor that goes through 96 rad began 0.37 rad off, which is 20,000 times its encoder's noise."""
+    """Where a position begins, if that is elsewhere than there by more than its way, or its noise, leaves in doubt;
+    else None. A motor that goes through 96 rad began 0.37 rad off, which is 20,000 times its encoder's noise."""
     known = x[np.isfinite(x)]
     if not len(known):
         return None

@@ -102,24 +102,25 @@ class Selector:
         return so_far
 
     def _one_instead(self, so_far: Selection, basis: object) -> Selection | None:
-        """One term, seen from afar, that leaves less than several which leave what stands out, or than one that takes
-        too little to stand alone: a gear that gives way was a brake that fades, a load, and a sensor's gain (machine
-        157/18), a belt that creeps late a brake that fades (machine 163/53)."""
+        """One term, seen from afar, that leaves less than several which leave what stands out, than one that takes too
+        little to stand alone, or that takes half where none takes much: a gear that gives way was a brake that fades, a
+        load, and a sensor's gain (machine 157/18); of no gap at all a sensitivity says nothing."""
         base, best = so_far.history[0], so_far.fit
-        if not so_far.selected or self.given or not self.problem.stands_out(best.residual):
+        if self.given or not self.problem.stands_out(best.residual):
             return None
         before, left = remains(self.problem, base, best)
         if len(so_far.selected) == 1 and left < (1 - thresholds.ALONE) * before:
             return None
         begins = [_begins(term) for term in best.settled().hypothesis.terms] if self.problem.onsets else []
-        self.progress("looking for one term, of any size, in place of those found")
+        self.progress("looking for one term of any size")
         trail = [(s.term, s.gain) for s in so_far.selected]
         alone = partial(self._alone, base, dict.fromkeys([None, *begins]))
         look = partial(self.store.remember, "one-instead", (basis, trail), alone)
         one = self.problem.budget.spend("one term instead of others", look)
         late = one is not None and one.hypothesis.terms[-1].onset is not None
-        freer = thresholds.WORTH * self.problem.above(best.residual) if late or len(so_far.selected) == 1 else 0.0
-        if one is None or best.cost - one.cost < max(self.problem.evidence, freer):
+        worth = thresholds.WORTH if late or len(so_far.selected) == 1 else 0.0
+        worth = worth if so_far.selected else thresholds.HOLDS
+        if one is None or best.cost - one.cost < max(self.problem.evidence, worth * self.problem.above(best.residual)):
             return None
         name = one.hypothesis.terms[-1].name
         self.progress(f"{name} alone leaves less than the terms above")

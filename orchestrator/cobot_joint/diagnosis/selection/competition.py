@@ -22,7 +22,7 @@ FITTED = 4  # candidates of a ranking that are fitted with everything else free
 SIZES = (0.3, 1.0, 3.0)  # multiples of the score test's amplitude that a fit may start from
 LARGER = 10.0  # the same, where the largest of these does best: runs far from the data are the slowest
 FINISHED = 2  # of the candidates, that are fitted to the end
-OUTDONE, MUCH = 5.0, 0.01  # times what another leaves, or this share of all, that a candidate leaves which is as it is
+OUTDONE, MUCH = 5.0, 0.01  # times what another leaves, or this share of all: what leaves more is not fitted on
 ONSET = 1e-3  # s; to which an onset is refined
 NEAR, LOOKS = 0.125, 31  # segments about an onset, and how many in them: a valley is 0.02 wide
 STEPS = 5  # of ONSET, either way from there
@@ -58,7 +58,7 @@ class Competition:
         first = not best.hypothesis.effects
         fits: dict[str, Fit] = {}
         enough = -np.inf  # predicted gain from which on a candidate is tried
-        roughest = np.inf
+        lowest_rough = np.inf
         for k, score in enumerate([s for s in ranked if s.gain > least][: 2 * FITTED]):
             if score.gain < enough and not _is_kin(score, fits):
                 continue
@@ -73,8 +73,8 @@ class Competition:
             rough = self.roughly(best, active)
             if rough is None:
                 continue
-            roughest = min(roughest, rough.cost)
-            found = self._with_exact_onset(best, rough, lowest.cost if fits else np.inf, roughest)
+            lowest_rough = min(lowest_rough, rough.cost)
+            found = self._with_exact_onset(best, rough, lowest.cost if fits else np.inf, lowest_rough)
             if found.cost >= best.cost:
                 continue
             fits[score.term.name] = found
@@ -120,10 +120,10 @@ class Competition:
         later = fit_added(self.problem, best, [active], ROUGH)
         return min(filter(None, (always, later)), key=attrgetter("cost"), default=None)
 
-    def _with_exact_onset(self, best: Fit, rough: Fit, lowest: float, roughest: float) -> Fit:
+    def _with_exact_onset(self, best: Fit, rough: Fit, lowest: float, lowest_rough: float) -> Fit:
         """With its onset refined; as it is where it comes nowhere near another term, or takes little of what is above
-        noise. lowest: cost of the best so far; roughest: of the best of those before any onset was refined."""
-        if self._is_outdone(best, rough.cost, roughest) or _is_hopeless(best, rough.cost, lowest):
+        noise. lowest: cost of the best so far; lowest_rough: of the best of those before any onset was refined."""
+        if self._is_outdone(best, rough.cost, lowest_rough) or _is_hopeless(best, rough.cost, lowest):
             return rough
         little = best.cost - rough.cost < thresholds.WORTH_FITTING * self.problem.above(best.residual)
         return rough if little and not rough.hypothesis.terms[-1].term.episode else self.with_onset(rough)

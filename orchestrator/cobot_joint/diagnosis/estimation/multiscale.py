@@ -27,9 +27,7 @@ LEAST = 20  # windows that a recording must have
 ON_THE_WAY = Precision(settled=10.0, roughly=0.02, steps=8, jacobians=1)  # of the slow parts' fits
 FAR = 0.03  # of the slow residual above noise, that a re-fit would take: of 45 calibrations on ../shared 8 have more,
 # up to 0.63; there the better of both fits counts, so that it costs time only
-LEADS = (
-    0.01  # of what all rows leave above noise, that they must be predicted to lose from there (docs/diagnosis-rules.md)
-)
+LEADS = 0.01  # of what all rows leave above noise, that they must be predicted to lose from there
 
 
 class Averaged(Problem):

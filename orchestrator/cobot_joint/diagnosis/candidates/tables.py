@@ -9,12 +9,13 @@ import numpy as np
 
 from cobot_joint.diagnosis.candidates.formulas import Dictionary, Local, sign
 from cobot_joint.diagnosis.estimation.fit import Fit
-from cobot_joint.diagnosis.estimation.port_response import Choice, Column, respond, respond_if_promising
+from cobot_joint.diagnosis.estimation.port_response import Choice, Column, respond_if_promising
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 from cobot_joint.diagnosis.estimation.projection import Projection
 from cobot_joint.diagnosis.plant.correction import TIME
 from cobot_joint.diagnosis.plant.plant import Port
 
+COARSELY = 0.8  # of what a table has to take, that it has to take with few knots, and in the recordings one by one
 COARSE, FINE = 9, 25  # knots with which arguments compete, and of the one that wins
 ENOUGH = 0.97  # of what is above noise, from which on no further argument is tried
 KEPT = 0.99  # of the gain, that the smoothest table must keep
@@ -57,20 +58,20 @@ class Table:
     choice: Choice[str]  # of one feature: the table, whose size is free
 
 
+Arguments = Callable[[Dictionary, int], list[Argument]]
+
+
 def look_for_table(
     problem: Problem,
     start: Fit,
     ports: Sequence[Port],
     say: Callable[[str], None],
-    speeds_that_take: float | None = None,
+    arguments: Arguments,
+    worth: float = 0.0,
 ) -> Table | None:
-    """The table that takes most at any of the ports; None: no signal there moves.
-
-    speeds_that_take: only tables over speeds and places, and of them those that take this share of what is above noise
-    in the recordings one by one.
-    """
+    """The table that takes most at any of the ports; None: no signal there moves, or none takes this share of what is
+    above noise. arguments: `over_any` or one of those that it consists of."""
     above = problem.above(start.residual)
-    arguments = over_any if speeds_that_take is None else over_motion
     outputs = problem.outputs(start.run, list(dict.fromkeys(s for port in ports for s in port.signals)))
     best: tuple[float, Dictionary, int] | None = None
     for port in ports:
@@ -79,13 +80,14 @@ def look_for_table(
         for number, argument in enumerate(arguments(dictionary, COARSE)):
             if best is not None and best[0] >= ENOUGH * above:
                 break
-            table = _fitted(problem, start, dictionary, argument, speeds_that_take)
+            table = _fitted(problem, start, dictionary, argument, COARSELY * worth)
             if table is not None and (best is None or table.choice.gain > best[0]):
                 best = table.choice.gain, dictionary, number
     if best is None:
         return None
     _, dictionary, number = best
-    return _fitted(problem, start, dictionary, arguments(dictionary, FINE)[number])
+    finest = _fitted(problem, start, dictionary, arguments(dictionary, FINE)[number], COARSELY * worth)
+    return finest if finest is not None and finest.choice.gain >= worth * above else None
 
 
 def over_speed(dictionary: Dictionary, count: int) -> list[Argument]:
@@ -132,19 +134,14 @@ def _over(dictionary: Dictionary, names: Sequence[str], count: int) -> list[Argu
     return found
 
 
-def _fitted(
-    problem: Problem, start: Fit, dictionary: Dictionary, argument: Argument, least: float | None = None
-) -> Table | None:
+def _fitted(problem: Problem, start: Fit, dictionary: Dictionary, argument: Argument, least: float) -> Table | None:
     """As smooth as it can be without losing more than a little of what it takes. None: the port answers to nothing, or
-    takes less than that share of what is above noise."""
+    takes less than that share of what is above noise in the recordings one by one."""
     hats = {recording: argument.hats(k) for recording, k in dictionary.locals.items()}
     count = len(next(iter(hats.values())))
     features = {k: {r: h[k] for r, h in hats.items()} for k in range(count)}
     moving = {k: v for k, v in features.items() if any(np.any(x != 0) for x in v.values())}
-    if least is None:
-        columns = respond(problem, start, dictionary.port, moving)
-    else:
-        columns = respond_if_promising(problem, start, dictionary.port, moving, least, least)
+    columns = respond_if_promising(problem, start, dictionary.port, moving, least, least)
     if not columns:
         return None
     gain, coefficients = _smoothest(Projection(start, [c.vector for c in columns]), columns)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cobot_joint.diagnosis.candidates.tables import look_for_table
+from cobot_joint.diagnosis.candidates.tables import look_for_table, over_motion
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.calibrate import calibrate
 from cobot_joint.diagnosis.store import Store
@@ -33,11 +33,20 @@ def test_friction_that_is_larger_on_half_of_the_way_is_a_table_over_the_place() 
     recording, middle = worn()
     case = replace(campaign(OFF), recordings=[recording])
     problem, calibrated = calibrate(case, Axis(), lambda words: None, Store(None))
-    found = look_for_table(problem, calibrated, Axis.ports, lambda words: None, speeds_that_take=0.5)
+    found = look_for_table(problem, calibrated, Axis.ports, lambda words: None, over_motion, 0.5)
     assert found is not None
     assert (found.argument.signal, found.argument.direction) == ("phi", "w")
     near, far = (found.values[side].mean() for side in (found.argument.knots < middle, found.argument.knots > middle))
     assert far - near == pytest.approx(-WORN, rel=0.3)
+
+
+def test_a_table_that_takes_less_than_it_has_to_is_none() -> None:
+    case = replace(campaign(OFF), recordings=[worn()[0]])
+    problem, calibrated = calibrate(case, Axis(), lambda words: None, Store(None))
+    found = look_for_table(problem, calibrated, Axis.ports, lambda words: None, over_motion)
+    assert found is not None
+    more = 1.01 * found.choice.gain / problem.above(calibrated.residual)
+    assert look_for_table(problem, calibrated, Axis.ports, lambda words: None, over_motion, more) is None
 
 
 def test_a_place_that_is_passed_once_is_no_argument() -> None:
@@ -46,6 +55,6 @@ def test_a_place_that_is_passed_once_is_no_argument() -> None:
     case = replace(case, recordings=case.recordings[1:])
     case.recordings[0].outputs["w"] = case.recordings[0].outputs["w"] + np.sin(7 * case.recordings[0].time)
     problem, calibrated = calibrate(case, Axis(), lambda words: None, Store(None))
-    found = look_for_table(problem, calibrated, Axis.ports, lambda words: None, speeds_that_take=0.0)
+    found = look_for_table(problem, calibrated, Axis.ports, lambda words: None, over_motion)
     assert found is not None
     assert found.argument.signal == "w"

@@ -10,12 +10,12 @@ import pytest
 from cobot_joint.diagnosis.candidates.formulas import Dictionary
 from cobot_joint.diagnosis.candidates.scan import Scan
 from cobot_joint.diagnosis.candidates.score_test import scores
-from cobot_joint.diagnosis.candidates.tables import COARSE, look_for_table
+from cobot_joint.diagnosis.candidates.tables import COARSE, look_for_table, over_motion
 from cobot_joint.diagnosis.data.campaign import Campaign
 from cobot_joint.diagnosis.estimation.calibrate import calibrate
 from cobot_joint.diagnosis.estimation.problem import FEW
 from cobot_joint.diagnosis.selection.some_recordings import some_of
-from cobot_joint.diagnosis.selection.unlisted.unmodelled import first_forms
+from cobot_joint.diagnosis.selection.unlisted.places import first_forms
 from cobot_joint.diagnosis.store import Store
 from tests.orchestrator.diagnosis.axis import NOISE, OFF, SAMPLES, Axis, campaign
 
@@ -78,6 +78,6 @@ def test_a_table_over_a_speed_that_falls_short_in_one_recording_is_not_simulated
         recording.outputs["w"] = recording.outputs["w"] + np.sin(7 * recording.time)
     problem, calibrated = calibrate(case, Axis(), lambda words: None, Store(None))
     before = problem.runs
-    assert look_for_table(problem, calibrated, Axis.ports, lambda words: None, speeds_that_take=0.5) is None
+    assert look_for_table(problem, calibrated, Axis.ports, lambda words: None, over_motion, 0.5) is None
     outputs, tables = len(case.recordings), COARSE * len(Axis.ports)
     assert problem.runs - before <= outputs + tables

@@ -41,8 +41,10 @@ def look_for_unmodelled(
     if explained:
         return look_beside(problem, listed, say)
     say("looking for an effect that is on no list, port by port")
-    alone = look_at_ports(problem, calibrated, [], say, least)
-    if terms and left < thresholds.TERMS_STAND * before:
+    stand = terms > 0 and left < thresholds.TERMS_STAND * before
+    needed = _to_outdo(problem, calibrated, listed) if stand else 0.0
+    alone = look_at_ports(problem, calibrated, [], say, least, needed=needed)
+    if stand:
         return _beside_what_stands(problem, alone, listed, say)
     if alone is not None and (alone.taken > thresholds.ALONE or not terms):
         return alone
@@ -75,7 +77,7 @@ def look_beside(problem: Problem, listed: Selection, say: Say) -> Unmodelled | N
     stands_out, several = problem.stands_out(listed.fit.residual), len(listed.selected) > 1
     units = None if stands_out else _units(listed)
     least = thresholds.HOLDS if stands_out else thresholds.ALONE
-    found = look_at_ports(problem, listed.fit, listed.selected, say, least, units)
+    found = look_at_ports(problem, listed.fit, listed.selected, say, least, units, thresholds.ALONE)
     if found is None or not found.is_likely:
         return None
     instead = without_what_it_replaces(problem, found)
@@ -122,13 +124,20 @@ def look_beside_parameter(problem: Problem, outside: Selection, say: Say) -> Unm
     """
     start = outside.history[0]
     if outside.selected and start.hypothesis.effects and problem.unexplained(outside.fit.residual):
-        alone = look_at_ports(problem, start, [], say, thresholds.ALONE)
+        needed = _to_outdo(problem, start, outside)
+        alone = look_at_ports(problem, start, [], say, thresholds.ALONE, needed=needed)
         instead = _in_place(problem, alone, outside) if alone and not acts_where(alone, start, {}) else None
         if instead and instead.is_likely and not instead.as_good:
             return instead
     found = look_beside(problem, outside, say)
     units = {e.component for e in outside.fit.hypothesis.effects if isinstance(e, FreeParameter)}
     return None if found and found.finding.component in units else found
+
+
+def _to_outdo(problem: Problem, start: Fit, listed: Selection) -> float:
+    """Share of what is above noise that one feature has to take to leave less than listed terms do (see _in_place)."""
+    left, before = remains(problem, listed.fit, start)
+    return 1 - len(listed.selected) * left / before
 
 
 def _in_place(problem: Problem, alone: Unmodelled | None, listed: Selection) -> Unmodelled | None:

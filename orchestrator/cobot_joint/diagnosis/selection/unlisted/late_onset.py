@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from operator import itemgetter
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -17,11 +18,16 @@ from cobot_joint.diagnosis.plant.correction import Product
 from cobot_joint.diagnosis.selection.competition import ONSET
 from cobot_joint.diagnosis.selection.unlisted.formula import forward
 
+# of what an onset has to take: as if simulated, and simulated at the nearest of some
+SCANNED, COARSELY = 0.5, 0.8
 Columns = Sequence[Column[Product]]
 
 
-def look_late(problem: Problem, start: Fit, columns: Columns) -> tuple[Choice[Product], float] | None:
-    """(the best choice of one port's columns, its onset in s); None: none takes anything from any onset on.
+def look_late(
+    problem: Problem, start: Fit, columns: Columns, worth: float = 0.0
+) -> tuple[Choice[Product], float] | None:
+    """(the best choice of one port's columns, its onset in s); None: none takes anything from any onset on, or none
+    this chi-square, or what takes most is there from the start.
 
     First as if a response from an onset on were the later part of the whole response; then simulated.
     """
@@ -32,16 +38,18 @@ def look_late(problem: Problem, start: Fit, columns: Columns) -> tuple[Choice[Pr
         late = [replace(c, vector=np.where(times >= k * width, c.vector, 0.0)) for c in columns]
         if choice := forward(problem, start, [c for c in late if np.any(c.vector)]):
             trials.append((choice.gain, k * width, [c.form for c in choice.columns]))
-    if not trials:
+    gain, near, forms = max(trials, key=itemgetter(0), default=(0.0, 0.0, []))
+    if not forms or gain < SCANNED * worth:
         return None
-    _, near, forms = max(trials, key=lambda trial: trial[0])
     whole = [c for c in columns if c.form in forms]
 
     def loss(onset: float) -> float:
         return -_from(problem, start, whole, onset)[0]
 
     around = near - width, near + width
-    coarse = min(np.linspace(*around, 9), key=loss)
+    least, coarse = min((loss(onset), float(onset)) for onset in np.linspace(*around, 9))
+    if coarse <= 0 or -least < COARSELY * worth:
+        return None
     bounds = coarse - width / 4, coarse + width / 4
     onset = float(minimize_scalar(loss, bounds=bounds, method="bounded", options={"xatol": ONSET}).x)
     gain, coefficients, responses = _from(problem, start, whole, onset)

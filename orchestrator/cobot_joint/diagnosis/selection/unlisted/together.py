@@ -16,8 +16,9 @@ from cobot_joint.diagnosis.selection.elimination import without
 from cobot_joint.diagnosis.selection.outside import Outside, beside_listed, held, leaves_least
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.stepwise import Selector
+from cobot_joint.diagnosis.selection.unlisted.places import pointed_to
 from cobot_joint.diagnosis.selection.unlisted.remains import remains
-from cobot_joint.diagnosis.selection.unlisted.unmodelled import Say, Unmodelled, acts_where, look_at_ports, pointed_to
+from cobot_joint.diagnosis.selection.unlisted.unmodelled import Say, Unmodelled, acts_where, look_at_ports
 
 TRIED = 2  # ports whose first forms are followed by something else
 

@@ -6,23 +6,18 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
+
 from cobot_joint.diagnosis import thresholds
-from cobot_joint.diagnosis.candidates.formulas import Dictionary
-from cobot_joint.diagnosis.candidates.tables import Table, look_for_table
+from cobot_joint.diagnosis.candidates.tables import Table, look_for_table, over_any, over_motion
 from cobot_joint.diagnosis.estimation.effects import PortSignal
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.port_response import (
     Choice,
-    Column,
     indistinguishable_ports,
     refit,
-    respond,
-    respond_if_promising,
-    same_direction,
-    without_signal,
 )
 from cobot_joint.diagnosis.estimation.problem import Problem
-from cobot_joint.diagnosis.estimation.projection import Projection
 from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.localization.evidence import where_it_gains
 from cobot_joint.diagnosis.plant.correction import Product
@@ -31,8 +26,9 @@ from cobot_joint.diagnosis.selection.confidence import beside_background, confid
 from cobot_joint.diagnosis.selection.elimination import kept_beside, without
 from cobot_joint.diagnosis.selection.selection import Selected
 from cobot_joint.diagnosis.selection.stepwise import share
-from cobot_joint.diagnosis.selection.unlisted.formula import forward, joined
+from cobot_joint.diagnosis.selection.unlisted.formula import joined
 from cobot_joint.diagnosis.selection.unlisted.late_onset import look_late
+from cobot_joint.diagnosis.selection.unlisted.places import Place, elsewhere, expected_to_leave, pointed_to
 from cobot_joint.diagnosis.selection.unlisted.remains import remains
 
 CLOSER = 3  # times that forms are chosen beside those found, where these leave what stands out
@@ -103,31 +99,6 @@ class Unmodelled:
         return left * count > thresholds.TIMES_LESS * self.freedom * rest
 
 
-@dataclass
-class Place:
-    """A port: chi-square that its first forms take, base parameters in their tolerances, and the best formula there."""
-
-    port: Port
-    dictionary: Dictionary
-    points: float
-    columns: list[Column[Product]]
-    choice: Choice[Product] | None
-
-    at: Fit | None = None  # where the choice was made, if not where the search began
-
-    def look_closer(self, problem: Problem, start: Fit, found: Unmodelled | None) -> None:
-        """With all forms, not a few; as they respond beside those that were found, whose size bends what they do."""
-        form = found.finding.shape if found is not None else None
-        if found is not None and form is not None and form.port == self.port.name:
-            self.at, forms = without_signal(found.fit), {**self.dictionary.first(), **self.dictionary.more()}
-            self.choice = forward(problem, self.at, respond(problem, found.fit, self.port, forms))
-            if self.choice is not None:
-                return
-        self.at = None
-        rest = respond(problem, start, self.port, self.dictionary.more())
-        self.choice = forward(problem, start, [*self.columns, *rest])
-
-
 def acts_where(found: Unmodelled, terms: Fit, indistinguishable: Mapping[str, str]) -> bool:
     """Whether it does so at the unit of a term that is on, or at one where the same force does the same: then either
     may be a patch of the other. indistinguishable: term -> the one of another unit that it equals."""
@@ -144,24 +115,30 @@ def look_at_ports(
     say: Say,
     least: float = 0.0,
     units: Collection[str] | None = None,
+    needed: float = 0.0,
 ) -> Unmodelled | None:
     """The best port and form beside the terms of `start`; None: nothing takes HOLDS of what it leaves. least: share of
     what is above noise that the first forms at a port are predicted to take together, or nothing else than one of them
-    that takes nearly all is an answer. units: whose ports are asked; None: every one's."""
+    that takes nearly all is an answer. units: whose ports are asked; None: every one's. needed: share below which an
+    answer changes nothing: what all forms there are predicted to take less than is not fitted."""
     answer = partial(_answer, problem, start, selected)
     places = pointed_to(problem, start, least, units)
     if not places:
-        return _over_motion(problem, start, answer, say)
+        return _over_motion(problem, start, answer, say, needed)
     found = _best(problem, start, places, answer)
     takes_all = found is not None and found.taken > thresholds.ENOUGH
     if not takes_all and places[0].points < least * problem.above(start.residual):
-        return _over_motion(problem, start, answer, say)
+        return _over_motion(problem, start, answer, say, needed)
     near = [p for p in places[:2] if p.columns and p.points > thresholds.NEAR_PORT * places[0].points]
     for _ in range(CLOSER):
         if _settled(problem, start, places, found):
             break
+        form = found.finding.shape if found is not None else None
         for place in near:
-            place.look_closer(problem, start, found)
+            here = found is not None and form is not None and form.port == place.port.name
+            place.look_closer(problem, start, found.fit if found is not None and here else None)
+        if not _promises(problem, start, expected_to_leave(problem, start, places), found, needed):
+            break
         closer = _best(problem, start, places, answer)
         gain = found.finding.gain if found is not None else 0.0
         if closer is None or closer.finding.gain < gain:
@@ -174,12 +151,14 @@ def look_at_ports(
     enough = thresholds.ALONE if least else thresholds.ENOUGH  # a background is followed from any onset on
     if problem.onsets and (found is None or found.taken < enough):
         say("forms that set in later")
-        tried = [each for p in near if (each := look_late(problem, start, p.columns)) is not None]
+        worth = max(needed, _much_more(found)) * problem.above(start.residual)
+        tried = [each for p in near if (each := look_late(problem, start, p.columns, worth)) is not None]
         choice, onset = max(tried, key=lambda each: each[0].gain, default=(None, None))
         late = answer(choice, onset=onset) if choice else None
         found = late if late is not None and _much_better(late, found) else found
     if found is None or found.taken < (thresholds.ALONE if found.freedom == 1 else thresholds.ENOUGH):
-        table = look_for_table(problem, start, [p.port for p in near], say)
+        worth = max(_with_table(needed), _much_more(found) if found is not None else 0.0)
+        table = look_for_table(problem, start, [p.port for p in near], say, over_any, worth)
         tabled = answer(table.choice, table=table) if table else None
         found = tabled if found is None or (tabled is not None and _much_better(tabled, found)) else found
     if found is not None:
@@ -188,14 +167,31 @@ def look_at_ports(
     return found
 
 
-def _over_motion(problem: Problem, start: Fit, answer: Answer, say: Say) -> Unmodelled | None:
+def _over_motion(problem: Problem, start: Fit, answer: Answer, say: Say, needed: float) -> Unmodelled | None:
     """A table over a unit's own speed or place, where a few forms fall short of what stands out: a resonance, or a nut
     that is worn on half of its way, is none of them."""
     if not problem.stands_out(start.residual):
         return None
-    table = look_for_table(problem, start, problem.plant.ports, say, speeds_that_take=thresholds.HOLDS)
-    much = table is not None and table.choice.gain > thresholds.ALONE * problem.above(start.residual)
-    return answer(table.choice, table=table) if table is not None and much else None
+    worth = max(_with_table(needed), thresholds.ALONE)
+    table = look_for_table(problem, start, problem.plant.ports, say, over_motion, worth)
+    return answer(table.choice, table=table) if table is not None else None
+
+
+def _with_table(needed: float) -> float:
+    """Share that a table has to take, which is as free as several features, where one of them has to take this."""
+    return 1 - (1 - needed) / thresholds.TABLE_FREEDOM if needed else 0.0
+
+
+def _much_more(found: Unmodelled | None) -> float:
+    """Share that what has an onset, or is a table, has to take to be much better."""
+    return 1 - (1 - found.taken if found is not None else 1.0) / thresholds.TIMES_LESS
+
+
+def _promises(problem: Problem, start: Fit, leaves: float, found: Unmodelled | None, needed: float) -> bool:
+    """Whether a choice that is expected to leave this chi-square above noise takes what is needed, and more than what
+    was found does."""
+    so_far = problem.above(found.fit.residual) if found is not None else np.inf
+    return leaves <= (1 - needed) * problem.above(start.residual) and leaves < (1 - thresholds.LEAST) * so_far
 
 
 def _settled(problem: Problem, start: Fit, places: Sequence[Place], found: Unmodelled | None) -> bool:
@@ -222,7 +218,7 @@ def _best(problem: Problem, start: Fit, places: Sequence[Place], answer: Answer)
     for port in problem.plant.ports:
         if best is None or not problem.stands_out(best.fit.residual):
             break
-        choice = _elsewhere(problem, start, chosen[0][2], port)
+        choice = elsewhere(problem, start, chosen[0][2], port)
         best = _less(best, answer(choice)) if choice else best
     return best
 
@@ -246,71 +242,10 @@ def _less(a: Unmodelled | None, b: Unmodelled | None) -> Unmodelled | None:
     return min((x for x in (a, b) if x is not None), key=lambda found: found.fit.cost, default=None)
 
 
-def _elsewhere(problem: Problem, start: Fit, place: Place, port: Port) -> Choice[Product] | None:
-    """The forms chosen at one port, at another unit's that takes the same and turns as far; None: there are none, or
-    they do the same there."""
-    assert place.choice is not None
-    if port.component == place.port.component or not _same_kind(place.port, port):
-        return None
-    chosen = place.choice.columns
-    features = place.dictionary.at(Dictionary(problem, start, port), [c.form for c in chosen])
-    columns = respond(problem, start, port, features)
-    same = [same_direction(a.vector, b.vector, thresholds.COLLINEAR) for a, b in zip(chosen, columns, strict=False)]
-    if not features or len(columns) < len(chosen) or all(same):
-        return None
-    gain, coefficients = Projection(start, [c.vector for c in columns]).gain(list(range(len(columns))))
-    return Choice(tuple(columns), coefficients, gain)
-
-
 def _much_better(other: Unmodelled, than: Unmodelled | None) -> bool:
     """Whether it leaves TIMES_LESS of what is slow, and no more of all: an onset, or a table, is a freedom more."""
-    if than is None:
-        return 1 - other.taken < 1 / thresholds.TIMES_LESS
-    return 1 - other.taken < (1 - than.taken) / thresholds.TIMES_LESS and other.finding.gain > than.finding.gain
-
-
-def pointed_to(problem: Problem, start: Fit, least: float, units: Collection[str] | None = None) -> list[Place]:
-    """Those to which the residual points first, by a few forms at every port, or at these units', that is promising."""
-    ports = [port for port in problem.plant.ports if units is None or port.component in units]
-    outputs = problem.outputs(start.run, list(dict.fromkeys(s for port in ports for s in port.signals)))
-    between: dict[str, float | None] = {}
-    every = [d for port in ports if (d := Dictionary(problem, start, port, outputs, between)).locals]
-    places = []
-    for dictionary in every:
-        columns = first_forms(problem, start, dictionary, min(least, thresholds.ALONE))
-        if not columns:
-            continue
-        points = Projection(start, [c.vector for c in columns]).inside
-        places.append(Place(dictionary.port, dictionary, points, columns, forward(problem, start, columns)))
-    return _distinguishable(sorted(places, key=lambda place: -place.points))
-
-
-def first_forms(problem: Problem, start: Fit, dictionary: Dictionary, together: float) -> list[Column[Product]]:
-    """Responses of the first forms at a port; empty: they take too little. together: see respond_if_promising."""
-    return respond_if_promising(problem, start, dictionary.port, dictionary.first(), thresholds.HOLDS, together)
-
-
-def _distinguishable(places: Sequence[Place]) -> list[Place]:
-    """Of ports where the same signal does the same, the first; of a load's torque and force the torque."""
-    kept: list[Place] = []
-    for place in places:
-        twin = next((p for p in kept if _same_kind(p.port, place.port) and _alike(p.columns, place.columns)), None)
-        if twin is None:
-            kept.append(place)
-        elif (twin.port.unit, place.port.unit) == ("N", "N.m"):
-            kept[kept.index(twin)] = place
-    return kept
-
-
-def _same_kind(a: Port, b: Port) -> bool:
-    """Whether they take the same unit of measure, or are a torque and a force on one body."""
-    return a.unit == b.unit or (a.component == b.component and {a.unit, b.unit} == {"N.m", "N"})
-
-
-def _alike(a: Sequence[Column[Product]], b: Sequence[Column[Product]]) -> bool:
-    """Whether a constant added at either port does the same to the residual."""
-    constants = [[c.vector for c in columns if c.form == Product()] for columns in (a, b)]
-    return all(constants) and same_direction(constants[0][0], constants[1][0], thresholds.COLLINEAR)
+    more = than is None or other.finding.gain > than.finding.gain
+    return more and other.taken > _much_more(than)
 
 
 def _answer(

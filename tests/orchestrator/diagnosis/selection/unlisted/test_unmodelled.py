@@ -19,7 +19,7 @@ from cobot_joint.diagnosis.data.campaign import Campaign, load_campaign
 from cobot_joint.diagnosis.engine import diagnose_plant, identify
 from cobot_joint.diagnosis.estimation.calibrate import calibrate
 from cobot_joint.diagnosis.estimation.fit import Fit
-from cobot_joint.diagnosis.estimation.port_response import Choice, Column, respond
+from cobot_joint.diagnosis.estimation.port_response import Choice, Column, refit, respond
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector, one_blas_thread
 from cobot_joint.diagnosis.estimation.projection import Projection
 from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
@@ -28,9 +28,10 @@ from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import Port
 from cobot_joint.diagnosis.repair.repair import repair
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
-from cobot_joint.diagnosis.selection.unlisted import held_against, unmodelled
+from cobot_joint.diagnosis.selection.unlisted import held_against, places, unmodelled
 from cobot_joint.diagnosis.selection.unlisted.formula import joined
 from cobot_joint.diagnosis.selection.unlisted.held_against import look_beside, look_for_unmodelled
+from cobot_joint.diagnosis.selection.unlisted.late_onset import look_late
 from cobot_joint.diagnosis.selection.unlisted.remains import remains
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled, look_at_ports
 from cobot_joint.diagnosis.store import Store
@@ -113,14 +114,58 @@ def test_where_the_best_port_leaves_what_stands_out_one_that_comes_near_is_fitte
     assert found.number == answer
 
 
+def test_what_a_choice_beside_forms_that_were_fitted_is_expected_to_leave_is_what_a_fit_of_it_leaves() -> None:
+    """Without the signal, base parameters are where they were beside it: what they would take is not the choice's."""
+    problem, calibrated = calibrate(concealed(lambda w, phi: -1e-7 * w**3), Axis(), lambda words: None, Store(None))
+    (place,) = places.pointed_to(problem, calibrated, 0.0)
+    assert place.choice is not None
+    fitted = refit(problem, calibrated, place.choice)
+    assert fitted is not None
+    place.look_closer(problem, calibrated, fitted)
+    assert place.at is not None
+    again = refit(problem, place.at, place.choice)
+    assert again is not None
+    leaves, nothing = places.expected_to_leave(problem, calibrated, [place]), problem.above(place.at.residual)
+    assert leaves - problem.above(again.residual) == pytest.approx(0.0, abs=1e-3 * nothing)
+    assert nothing > 10 * problem.above(calibrated.residual)
+
+
+@pytest.mark.parametrize(
+    ("leaves", "found", "needed", "promises"),
+    [
+        pytest.param(0.04, None, 0.95, True, id="what is needed"),
+        pytest.param(0.06, None, 0.95, False, id="less than is needed"),
+        pytest.param(0.06, 0.1, 0.0, True, id="more than was found"),
+        pytest.param(0.097, 0.1, 0.0, False, id="hardly more than was found"),
+    ],
+)
+def test_a_choice_is_fitted_if_it_is_predicted_to_take_what_is_needed_and_more_than_was_found(
+    leaves: float, found: float | None, needed: float, promises: bool
+) -> None:
+    """Of a rotary table whose load sticks a formula alone was fitted three times, which could not outdo that term."""
+    problem: Any = SimpleNamespace(above=lambda residual: residual)
+    start: Any = SimpleNamespace(residual=1.0)
+    so_far: Any = None if found is None else SimpleNamespace(fit=SimpleNamespace(residual=found))
+    assert unmodelled._promises(problem, start, leaves, so_far, needed) is promises
+
+
+def test_no_onset_is_simulated_where_none_takes_what_it_has_to() -> None:
+    problem, calibrated = calibrate(concealed(lambda w, phi: -1e-7 * w**3), Axis(), lambda words: None, Store(None))
+    (place,) = places.pointed_to(problem, calibrated, 0.0)
+    before = problem.runs
+    assert look_late(problem, calibrated, place.columns, 10 * problem.above(calibrated.residual)) is None
+    assert problem.runs == before
+    assert look_late(problem, calibrated, place.columns) is not None
+
+
 def test_of_a_torque_and_a_force_that_do_the_same_to_a_load_the_torque_is_named() -> None:
     one = np.array([1.0, 2.0, 3.0])
     force, torque, other = (Port("load.F_add", "N", ()), Port("load.tau_add", "N.m", ()), Port("motor.v_add", "V", ()))
-    places: Any = [
+    every: Any = [
         SimpleNamespace(port=port, columns=[Column(port, Product(), {}, size * one)])
         for port, size in ((force, 1.0), (torque, 2.0), (other, 3.0))
     ]
-    assert [place.port for place in unmodelled._distinguishable(places)] == [torque, other]
+    assert [place.port for place in places._distinguishable(every)] == [torque, other]
 
 
 def test_a_listed_term_that_leaves_what_stands_out_is_held_against_a_formula() -> None:

@@ -37,6 +37,7 @@ from cobot_joint.diagnosis.plant.plant import (
 STEP, SAMPLES = 2e-3, 3000
 NOISE = 0.05  # rad/s
 FASTEST = 1e6  # rad/s
+Effect = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]  # of speed and angle
 OFF = {"axis.J": 1.04e-3, "axis.d": 1.9e-3, "axis.tau_C": 0.0206}  # inside the tolerances
 NOMINAL = {"axis.J": 1e-3, "axis.k": 0.1, "axis.d": 2e-3, "axis.tau_C": 0.02}
 
@@ -195,3 +196,16 @@ def weak_drive(windage: float = 0.0, eddy_currents: float = 0.0, k: float = 0.7)
             clean = plant.simulate(truth, recording, added={"axis.tau_add": -eddy_currents * w / (1 + w**2)})
         recording.outputs["w"] = clean["w"] + rng.normal(0, NOISE, SAMPLES)
     return replace(case, tolerances={**case.tolerances, "drive.k": Tolerance(relative=0.1)})
+
+
+def concealed(effect: Effect, background: Effect = lambda w, phi: np.zeros_like(w)) -> Campaign:
+    """The axis with a torque that follows its own motion. background: another one, against it in the other run."""
+    case, rng = campaign(OFF), np.random.default_rng(1)
+    for sign, recording in zip((1, -1), case.recordings, strict=True):
+        clean = Axis().simulate(OFF, recording)
+        for _ in range(8):
+            w, phi = clean["axis.w"], clean["axis.phi"]
+            tau = effect(w, phi) + sign * background(w, phi)
+            clean = Axis().simulate(OFF, recording, added={"axis.tau_add": tau})
+        recording.outputs["w"] = clean["w"] + rng.normal(0, NOISE, SAMPLES)
+    return case

@@ -247,7 +247,7 @@ def test_beside_it_a_form_that_leaves_less_per_feature_takes_the_place_of_severa
         "axis.unlisted", (), 0.9, None, {}, {}, 1e3, shape=Form("axis.tau_add", "N.m", (), (feature,), 0.9)
     )
     patched = Selection([free, free, free], [Selected("axis.windage", 600.0), Selected("axis.asymmetry", 600.0)])
-    monkeypatch.setattr(held_against, "look_at_ports", lambda *_: Unmodelled(free, [], finding, 0.98))
+    monkeypatch.setattr(held_against, "look_at_ports", lambda *_, **__: Unmodelled(free, [], finding, 0.98))
     monkeypatch.setattr(held_against, "look_beside", lambda *_: None)
     monkeypatch.setattr(held_against, "remains", lambda *_: [120.0, rest])
     monkeypatch.setattr(Problem, "unexplained", lambda self, residual: True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,48 +14,31 @@ from cobot_joint.cosim import Experiment, Simulation
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.candidates import formulas
 from cobot_joint.diagnosis.candidates.formulas import Dictionary
-from cobot_joint.diagnosis.data.campaign import Campaign, load_campaign
+from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.engine import diagnose_plant, identify
 from cobot_joint.diagnosis.estimation.calibrate import calibrate
 from cobot_joint.diagnosis.estimation.fit import Fit
-from cobot_joint.diagnosis.estimation.port_response import Choice, Column, refit, respond
+from cobot_joint.diagnosis.estimation.port_response import Choice, respond
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector, one_blas_thread
 from cobot_joint.diagnosis.estimation.projection import Projection
 from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.plant.correction import Factor, Product
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
-from cobot_joint.diagnosis.plant.plant import Port
 from cobot_joint.diagnosis.repair.repair import repair
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
-from cobot_joint.diagnosis.selection.unlisted import held_against, places, unmodelled
+from cobot_joint.diagnosis.selection.unlisted import held_against, unmodelled
 from cobot_joint.diagnosis.selection.unlisted.formula import joined
 from cobot_joint.diagnosis.selection.unlisted.held_against import look_beside, look_for_unmodelled
-from cobot_joint.diagnosis.selection.unlisted.late_onset import look_late
 from cobot_joint.diagnosis.selection.unlisted.remains import remains
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled, look_at_ports
 from cobot_joint.diagnosis.store import Store
 from cobot_joint.system.model import Inputs
 from cobot_joint.system.read import load_system
-from tests.orchestrator.diagnosis.axis import NOISE, SAMPLES, STEP, Axis, campaign
+from tests.orchestrator.diagnosis.axis import OFF, SAMPLES, STEP, Axis, Effect, campaign, concealed
 from tests.orchestrator.diagnosis.foreign import Foreign, conceal
 
 OPEN = Path(__file__).parents[5] / "proof/open"
-OFF = {"axis.J": 1.04e-3, "axis.d": 1.9e-3, "axis.tau_C": 0.0206}  # inside the tolerances
 CUBE = Feature(Product((Factor("w", "u3"),)), Estimate(1.0, "N.m", (0.9, 1.1)))
-Effect = Callable[[Vector, Vector], Vector]  # of speed and angle
-
-
-def concealed(effect: Effect, background: Effect = lambda w, phi: np.zeros_like(w)) -> Campaign:
-    """The axis with a torque that follows its own motion. background: another one, against it in the other run."""
-    case, rng = campaign(OFF), np.random.default_rng(1)
-    for sign, recording in zip((1, -1), case.recordings, strict=True):
-        clean = Axis().simulate(OFF, recording)
-        for _ in range(8):
-            w, phi = clean["axis.w"], clean["axis.phi"]
-            tau = effect(w, phi) + sign * background(w, phi)
-            clean = Axis().simulate(OFF, recording, added={"axis.tau_add": tau})
-        recording.outputs["w"] = clean["w"] + rng.normal(0, NOISE, SAMPLES)
-    return case
 
 
 def sgn(w: Vector) -> Vector:
@@ -114,22 +96,6 @@ def test_where_the_best_port_leaves_what_stands_out_one_that_comes_near_is_fitte
     assert found.number == answer
 
 
-def test_what_a_choice_beside_forms_that_were_fitted_is_expected_to_leave_is_what_a_fit_of_it_leaves() -> None:
-    """Without the signal, base parameters are where they were beside it: what they would take is not the choice's."""
-    problem, calibrated = calibrate(concealed(lambda w, phi: -1e-7 * w**3), Axis(), lambda words: None, Store(None))
-    (place,) = places.pointed_to(problem, calibrated, 0.0)
-    assert place.choice is not None
-    fitted = refit(problem, calibrated, place.choice)
-    assert fitted is not None
-    place.look_closer(problem, calibrated, fitted)
-    assert place.at is not None
-    again = refit(problem, place.at, place.choice)
-    assert again is not None
-    leaves, nothing = places.expected_to_leave(problem, calibrated, [place]), problem.above(place.at.residual)
-    assert leaves - problem.above(again.residual) == pytest.approx(0.0, abs=1e-3 * nothing)
-    assert nothing > 10 * problem.above(calibrated.residual)
-
-
 @pytest.mark.parametrize(
     ("leaves", "found", "needed", "promises"),
     [
@@ -147,25 +113,6 @@ def test_a_choice_is_fitted_if_it_is_predicted_to_take_what_is_needed_and_more_t
     start: Any = SimpleNamespace(residual=1.0)
     so_far: Any = None if found is None else SimpleNamespace(fit=SimpleNamespace(residual=found))
     assert unmodelled._promises(problem, start, leaves, so_far, needed) is promises
-
-
-def test_no_onset_is_simulated_where_none_takes_what_it_has_to() -> None:
-    problem, calibrated = calibrate(concealed(lambda w, phi: -1e-7 * w**3), Axis(), lambda words: None, Store(None))
-    (place,) = places.pointed_to(problem, calibrated, 0.0)
-    before = problem.runs
-    assert look_late(problem, calibrated, place.columns, 10 * problem.above(calibrated.residual)) is None
-    assert problem.runs == before
-    assert look_late(problem, calibrated, place.columns) is not None
-
-
-def test_of_a_torque_and_a_force_that_do_the_same_to_a_load_the_torque_is_named() -> None:
-    one = np.array([1.0, 2.0, 3.0])
-    force, torque, other = (Port("load.F_add", "N", ()), Port("load.tau_add", "N.m", ()), Port("motor.v_add", "V", ()))
-    every: Any = [
-        SimpleNamespace(port=port, columns=[Column(port, Product(), {}, size * one)])
-        for port, size in ((force, 1.0), (torque, 2.0), (other, 3.0))
-    ]
-    assert [place.port for place in places._distinguishable(every)] == [torque, other]
 
 
 def test_a_listed_term_that_leaves_what_stands_out_is_held_against_a_formula() -> None:
@@ -342,17 +289,6 @@ def test_where_most_is_quick_all_of_what_is_left_counts(w: float, slow: bool) ->
     assert left == pytest.approx(problem.excess(off.residual) if slow else off.chi2 - problem.samples)
     unseen = problem.excess_scatter if slow else thresholds.LEFT_SHARE * problem.samples
     assert rest == pytest.approx(unseen)  # of noise alone
-
-
-def test_where_no_form_does_in_one_recording_the_others_are_not_simulated() -> None:
-    t = np.arange(SAMPLES) * STEP
-    case = concealed(lambda w, phi: 2e-3 * np.sin(9 * t) + 2e-3 * np.sin(14 * t + 1))
-    problem, calibrated = calibrate(case, Axis(), lambda words: None, Store(None))
-    forms = len(Dictionary(problem, calibrated, Axis.ports[0]).first())
-    before = problem.runs
-    assert len(problem.recordings) > 1
-    assert look_for_unmodelled(problem, calibrated, Selection([calibrated]), lambda words: None, 0.8) is None
-    assert problem.runs - before == forms
 
 
 def test_where_no_formula_holds_the_shape_is_a_table() -> None:

@@ -209,7 +209,7 @@ class Master:
 
     def begin(self) -> None:
         """Tick 0, from the units' present state."""
-        self._check(self._library.cosim_begin(self._master))
+        self._check(self._library.cosim_begin(self._master, 0))
 
     def resume(self) -> None:
         """After values were set in units from outside: signals that jumped take their past with them."""
@@ -272,7 +272,7 @@ def _typed_library() -> ctypes.CDLL:
     loaded.cosim_create.restype = c_void_p
     loaded.cosim_destroy.argtypes = [c_void_p]
     loaded.cosim_destroy.restype = None
-    loaded.cosim_begin.argtypes = [c_void_p]
+    loaded.cosim_begin.argtypes = [c_void_p, c_int64]
     loaded.cosim_resume.argtypes = [c_void_p]
     loaded.cosim_advance.argtypes = [c_void_p, c_int64, c_void_p]
     loaded.cosim_record.argtypes = [c_void_p, c_void_p]

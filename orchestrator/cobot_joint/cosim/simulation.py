@@ -26,7 +26,7 @@ from cobot_joint.cosim.schemes import DEFAULT, MONOLITHIC, WITHOUT_ROLLBACK, Sch
 from cobot_joint.errors import UserError, among
 from cobot_joint.results.result import Result
 from cobot_joint.system.initial import initial_order
-from cobot_joint.system.model import System, Value
+from cobot_joint.system.model import Inputs, System, Value
 from cobot_joint.system.parameters import split
 
 log = logging.getLogger("cobot_joint")
@@ -179,12 +179,7 @@ class Simulation:
         at_start = {name: float(np.interp(clock.start, e.inputs.time, row)) for name, row in e.inputs.values.items()}
         parameters = check_parameters(self.system, e.parameters)
         initialise(self._order, self._instances, parameters, at_start, clock.start, e.stop_time)
-        breaks = np.empty(0, dtype=np.int64)
-        if scheme.adaptive:
-            breaks = turns(e.inputs, clock)
-        elif scheme.monolithic:
-            jumps = halfway(e.inputs, clock, discrete_inputs(self.system, e.inputs.values))
-            breaks = np.union1d(turns(e.inputs, clock, SLIGHT), jumps)
+        breaks = self._breaks(scheme, e.inputs, clock)
         master: Master
         if self.engine == "native":
             master = native.Master(tables, scheme, e.inputs, clock, breaks)
@@ -197,6 +192,15 @@ class Simulation:
             self.counters = master.counters()
         finally:
             master.close()
+
+    def _breaks(self, scheme: Scheme, inputs: Inputs, clock: Clock) -> NDArray[np.int64]:
+        """Ticks at which no step may look beyond an input's turn."""
+        if scheme.adaptive:
+            return turns(inputs, clock)
+        if scheme.monolithic:
+            jumps = halfway(inputs, clock, discrete_inputs(self.system, inputs.values))
+            return np.union1d(turns(inputs, clock, SLIGHT), jumps)
+        return np.empty(0, dtype=np.int64)
 
     def _checked(self, changes: Mapping[str, Value | Feedback]) -> Changes:
         """By component, each allowed while time runs; of a Feedback its value at 0. UserError: one is not."""

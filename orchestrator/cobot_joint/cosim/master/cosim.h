@@ -103,21 +103,22 @@ typedef struct {
 } Counters;
 
 typedef struct Master Master;
-enum { COSIM_UNFIT = 1 }; /* another scheme may do better; calls else return 0, or -1; with a message */
+/* Another scheme may do better; no step is short enough. Calls else return 0, or -1; with a message. */
+enum { COSIM_UNFIT = 1, COSIM_STUCK = 2 };
 
 /* The plan's arrays stay the caller's and have to outlive the master. NULL: out of memory. */
 COSIM_API Master *cosim_create(const Plan *plan);
 COSIM_API void cosim_destroy(Master *m);
 
-/* Tick 0, from the units' present state. */
-COSIM_API int cosim_begin(Master *m);
+/* At a tick, from the units' present state. */
+COSIM_API int cosim_begin(Master *m, int64_t tick);
 /* After values were set in units from outside: signals that jumped take their past with them. */
 COSIM_API int cosim_resume(Master *m);
 /* Advances to `tick`; writes a row of n_recorded for every recorded tick after the present one. */
 COSIM_API int cosim_advance(Master *m, int64_t tick, double *rows);
 /* Writes the row of the present tick. */
 COSIM_API int cosim_record(Master *m, double *row);
-/* How many rows have been written since tick 0: what is there when a unit fails. */
+/* How many rows have been written since the beginning: what is there when a unit fails. */
 COSIM_API int64_t cosim_rows(const Master *m);
 
 typedef struct

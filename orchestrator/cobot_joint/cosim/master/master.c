@@ -197,14 +197,15 @@ static int step(Master *m, double **row) {
 
 /* Calls from Python --------------------------------------------------------------------------------------------------------- */
 
-int cosim_begin(Master *m) {
-  m->tick = m->rows = 0;
+int cosim_begin(Master *m, int64_t tick) {
+  m->tick = tick;
+  m->rows = 0;
   m->stride = 1;
   m->known = 1;
   m->beyond = false;
   m->calm = 0;
   m->next_break = 0;
-  m->sample = m->plan.n_samples ? sample_before(m, 0, time_of(m, 0)) : 0;
+  m->sample = m->plan.n_samples ? sample_before(m, 0, time_of(m, tick)) : 0;
   m->count = (Counters){0};
   for (size_t i = 0; i < m->plan.n_units; i++)
     if (get_outputs(m, &m->plan.units[i]) || get_first_slopes(m, &m->plan.units[i])) return -1;

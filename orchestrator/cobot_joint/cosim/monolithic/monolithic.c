@@ -25,7 +25,7 @@ struct Monolithic {
   bool asked[MOST_UNITS];       /* whether rows or sinks take outputs of a unit that its equations do not give */
   double *before;               /* [n_outputs + n_inputs]: signals when the sinks were last stepped */
   size_t n_sunk, *sunk;         /* signals that sinks take */
-  int64_t sinks_at;             /* tick */
+  int64_t begun, sinks_at;      /* ticks */
   double next_step, next_event; /* s */
   double last_error;            /* of the last step taken, in the one allowed */
   bool is_explicit;
@@ -93,7 +93,7 @@ int monolithic_begin(Monolithic *o, Master *m) {
   o->next_step = FIRST;
   o->last_error = SMALL;
   o->next_break = 0;
-  o->sinks_at = 0;
+  o->begun = o->sinks_at = m->tick;
   o->apart = 0;
   o->is_explicit = false;
   o->trial = 0;
@@ -101,10 +101,10 @@ int monolithic_begin(Monolithic *o, Master *m) {
   o->last_event = -INFINITY;
   const Unit *unit = system_begin(o->system, o->stepper.x);
   if (unit) return refused(m, unit, "is not initialized"), -1;
-  if ((unit = system_unfit(o->system, time_of(m, 0))))
+  if ((unit = system_unfit(o->system, time_of(m, m->tick))))
     return refused(m, unit, "gives another what does not follow from its states and inputs"), COSIM_UNFIT;
   for (size_t k = 0; k < o->system->n_units; k++) {
-    o->asked[k] = is_asked(&m->plan, &o->system->units[k], time_of(m, 0));
+    o->asked[k] = is_asked(&m->plan, &o->system->units[k], time_of(m, m->tick));
     if (o->asked[k]) system_take_unit(o->system, &o->system->units[k]);
   }
   for (size_t k = 0; k < m->plan.n_recorded; k++) system_take(o->system, (size_t)m->plan.recorded[k].signal);
@@ -276,7 +276,7 @@ static int make_step(Monolithic *o, Master *m, double most, double *end, bool *e
   for (bool again = false;; m->count.rejected++, again = true) {
     double h = fmin(fmin(o->next_step, LONGEST), most);
     if (h < most && h > most / 2) h = most / 2; /* rather than leaving a crumb */
-    if (!(h > SHORTEST / 4)) return trouble(m, "the step size went to zero", r->t);
+    if (!(h > SHORTEST / 4)) return trouble(m, "the step size went to zero", r->t), COSIM_STUCK;
     const bool is_explicit = o->is_explicit;
     const double error = (is_explicit ? dopri_step : rodas_step)(r, h, m->plan.scheme.tolerance);
     const double room = fmin(room_after(o, error), again ? 1 : 4); /* none longer right after a rejection */
@@ -324,7 +324,8 @@ int monolithic_advance(Monolithic *o, Master *m, int64_t tick, double *rows) {
     const double most = limit(o, m, stop);
     double end = r->t;
     bool event = most <= SHORTEST; /* one that comes by time */
-    if (!event && make_step(o, m, most, &end, &event)) return -1;
+    const int status = event ? 0 : make_step(o, m, most, &end, &event);
+    if (status) return status;
     if (end > r->t) {
       const bool reaches = end >= r->t + most - SHORTEST;
       r->there = !event;
@@ -338,7 +339,7 @@ int monolithic_advance(Monolithic *o, Master *m, int64_t tick, double *rows) {
       if (set_discrete(o, m, &event)) return -1;
     }
     if (event && events_here(o, m)) return -1;
-    const double most_steps = m->plan.scheme.pace * (1 + r->t - time_of(m, 0));
+    const double most_steps = m->plan.scheme.pace * (1 + r->t - time_of(m, o->begun));
     if ((double)(m->count.steps + m->count.rejected) > most_steps)
       return trouble(m, "more steps than its pace allows", r->t), COSIM_UNFIT;
   }

@@ -12,7 +12,8 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.cosim import Experiment, Simulation
+from cobot_joint.cosim import Experiment, Scheme, Simulation, SimulationError
+from cobot_joint.cosim.schemes import MONOLITHIC
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.simulator import summed
 from cobot_joint.diagnosis.state_estimation.native.restart import LostError, Restarts, restarts
@@ -82,6 +83,7 @@ class SampledSystem:
         self.nominal = np.array([s.nominal for s in states])
         self._bounds = np.array([s.lower for s in states]), np.array([s.upper for s in states])
         self.simulation = Simulation(system)
+        self.scheme = self._chosen_scheme()
         self.in_use = threading.Lock()  # by one who asks its units for other values
         real = {c.name: {v.name for v in c.unit.variables.values() if v.type == "Real"} for c in system.components}
         into = [c for c in system.connections if c.sink_component and c.sink in real[c.sink_component]]
@@ -94,6 +96,18 @@ class SampledSystem:
         record = [s.name for s in states] + [f"{c}.{v}" for c, v in self.sources] + list(self.channels)
         columns = {name: column for column, name in enumerate(dict.fromkeys(record))}
         self.layout = Layout(columns, [columns[channel] for channel in self.channels])
+
+    def _chosen_scheme(self) -> Scheme | None:
+        """As one system: no coupling between stiff units keeps its steps short. None: units step themselves, the only
+        way where one of them is another's, or gives what follows from no state and no input."""
+        if not self.simulation.is_one_system:
+            return None
+        try:
+            for values in (self._before_onsets(), self.values):
+                self.simulation.run(Experiment(Inputs(np.zeros(1)), 0.0, parameters=values, scheme=MONOLITHIC))
+        except SimulationError:
+            return None
+        return MONOLITHIC
 
     def __enter__(self) -> SampledSystem:
         return self
@@ -149,6 +163,7 @@ class SampledSystem:
             parameters=self._before_onsets() | states,
             parameter_events=[(t, {name: self.values[name]}) for name, t in self.onsets.items()],
             record=list(self.layout.columns),
+            scheme=self.scheme,
         )
 
     def inside(self, x: Array) -> Array:
@@ -214,7 +229,7 @@ class Runs:
             return piece
         for port, k in self.ports.items():
             self.quick.samples[k, rows] = inputs.get(port, 0.0)
-        table = self.quick.run(self.sampled.inside(x), rows.start, rows.stop - rows.start, bool(entering))
+        table = self.quick.run(self.sampled.inside(x), rows.start, rows.stop - rows.start)
         return self.sampled.piece(self.time[rows], table, inputs)
 
 

@@ -103,15 +103,15 @@ static int advance(Restart *r, Master *m, const RestartRun *run, double *table) 
   size_t next = 0;
   int64_t until = apply(r, &next, begin, end);
   if (until < 0) return -1;
-  if (cosim_begin(m)) return -1;
-  m->tick = begin;
-  m->sample = (size_t)run->first;
+  int status = cosim_begin(m, begin);
+  if (status) return status;
   if (cosim_record(m, table)) return -1;
   while (m->tick < end) {
-    if (cosim_advance(m, until, table + (m->tick / every + 1 - run->first) * (int64_t)m->plan.n_recorded)) return -1;
+    if ((status = cosim_advance(m, until, table + (m->tick / every + 1 - run->first) * (int64_t)m->plan.n_recorded)))
+      return status;
     if (m->tick == end) break;
     if ((until = apply(r, &next, m->tick, end)) < 0) return -1;
-    if (cosim_resume(m)) return -1;
+    if ((status = cosim_resume(m))) return status;
   }
   return 0;
 }

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.cosim import Experiment, Simulation, SimulationError, isolation, library, native
-from cobot_joint.cosim.clock import turns
 from cobot_joint.cosim.instances import check_parameters
-from cobot_joint.system.model import Connection
+from cobot_joint.system.model import Connection, Inputs
 
 Array = NDArray[np.float64]
+_BEYOND, _STUCK = -3, 2  # restart.h, cosim.h
 TYPES = {"Real": 0, "Integer": 1, "Enumeration": 1, "Boolean": 2}
 _FUNCTIONS = ("Reset", "SetupExperiment", "EnterInitializationMode", "ExitInitializationMode", "SetReal", "SetInteger",
               "SetBoolean", "GetReal", "GetInteger", "GetBoolean")  # fmt: skip
@@ -96,10 +96,7 @@ class Restarts:
         self._numbers = {instance.name: k for k, instance in enumerate(self._instances)}
         self._context = simulation._prepared(simulation._coupled(experiment))  # chooses scheme, step and tables
         self._run = self._context.__enter__()
-        clock = self._run.clock
         self.samples = np.array(list(experiment.inputs.values.values())).reshape(-1, len(experiment.inputs.time))
-        self._turns = turns(experiment.inputs, clock)
-        self._all_rows = np.arange(len(experiment.inputs.time), dtype=np.int64) * clock.per_row
         self._restart = self._described(experiment, list(states))
 
     def __enter__(self) -> Restarts:
@@ -108,14 +105,16 @@ class Restarts:
     def __exit__(self, *why: Any) -> None:
         self._context.__exit__(*why)
 
-    def run(self, x: Array, first: int, rows: int, bent: bool) -> Array:
-        """(rows, recorded), from the row `first` on, as `samples` has the inputs then; bent: whether these turn at
-        every row, else as they did in the experiment. SimulationError: a unit fails; LostError: it is given up."""
+    def run(self, x: Array, first: int, rows: int) -> Array:
+        """(rows, recorded), from the row `first` on, as `samples` has the inputs then. SimulationError: a unit fails;
+        LostError: it is given up."""
         master = self._run.master
         assert isinstance(master, native.Master)
         table = np.empty((rows, len(self._run.names)))
         x, u = np.ascontiguousarray(x, dtype=np.float64), np.ascontiguousarray(self.samples[:, first])
-        breaks = self._all_rows if bent else self._turns
+        there = slice(first, first + rows)
+        inputs = Inputs(self._inputs.time[there], dict(zip(self._inputs.values, self.samples[:, there], strict=True)))
+        breaks = self._simulation._breaks(self._run.scheme, inputs, self._run.clock)
         run = _Run(first, rows, x.ctypes.data, u.ctypes.data, self.samples.ctypes.data, breaks.ctypes.data,
                    len(breaks), self._limits.ctypes.data)  # fmt: skip
         for unit, instance in zip(self._units, self._instances, strict=True):
@@ -125,7 +124,7 @@ class Restarts:
         )
         if status == -2:
             raise MemoryError("a run")
-        if status == -3:
+        if status in (_BEYOND, _STUCK):
             raise LostError
         if status and self._restart.failed < 0:
             master._check(status)

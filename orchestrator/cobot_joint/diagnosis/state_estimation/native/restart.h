@@ -66,7 +66,7 @@ typedef struct { /* one run: from the row `first`, tick = first ticks_per_record
   const double *limits; /* as in Plan */
 } RestartRun;
 
-/* table: [rows][n_recorded], filled. 0; -1: a unit refuses; -2: out of memory; -3: beyond the limits; or what cosim.h has */
+/* table: [rows][n_recorded], filled. 0; -1: a unit refuses; -2: out of memory; -3: beyond the limits; else cosim.h says */
 COSIM_API int restart_run(Restart *r, Master *m, const RestartRun *run, double *table);
 
 #endif

@@ -105,7 +105,7 @@ class SampledSystem:
         try:
             for values in (self._before_onsets(), self.values):
                 self.simulation.run(Experiment(Inputs(np.zeros(1)), 0.0, parameters=values, scheme=MONOLITHIC))
-        except SimulationError:
+        except SimulationError:  # what fails for another reason than the scheme says so when it is run
             return None
         return MONOLITHIC
 

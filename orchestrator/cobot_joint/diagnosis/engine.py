@@ -69,7 +69,7 @@ def diagnose(
     budget: None looks at everything.
     """
     systems = campaign.systems()
-    with FmuPlant(systems) as plant:
+    with FmuPlant(systems, campaign.scan) as plant:
         found = diagnose_plant(campaign, plant, progress=progress, store=store, budget=budget)
         found.crashes = [str(crash) for crash in plant.crashes.values()]
         return found

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.background import Group, Of, background
+from cobot_joint.diagnosis.anchored.orders import clearest_orders
 from cobot_joint.diagnosis.anchored.regression import Added, Columns, Products, Regression
 from cobot_joint.diagnosis.plant.at_once import at_once
 from cobot_joint.diagnosis.plant.plant import Port, TermCandidate
@@ -89,7 +90,7 @@ class Beside:
         ports: Sequence[Port],
         linear: Sequence[Effect] = (),
     ) -> None:
-        self.trackings = list(trackings)
+        self.trackings, self._ports = list(trackings), ports
         self.evidence = Evidence(trackings, free)
         self.names = self.evidence.parameters
         self._weight = [_followed(t) for t in self.trackings]
@@ -161,9 +162,12 @@ class Beside:
 
     def candidate(self, term: TermCandidate) -> Candidate | None:
         """The term with the shapes that do best; None: no recording answers to it."""
+        clearest = clearest_orders(term, self.trackings, self._ports, [e[:, :, 0] for e in self._e])
         every = list(combinations(term))
+        beyond = [shapes for shapes in clearest if shapes not in every]
         some = self._shortlist(term, every) if term.phase is not None and len(every) > MANY else every
-        return self.best(term, some, len(every), lambda shapes: self.evidence.of_term(term, shapes))
+        some = [*some, *(shapes for shapes in clearest if shapes not in some)]
+        return self.best(term, some, len(every) + len(beyond), lambda shapes: self.evidence.of_term(term, shapes))
 
     def best(
         self, term: TermCandidate, some: Sequence[Shapes], tried: int, of: Callable[[Sequence[Shapes]], Effect]

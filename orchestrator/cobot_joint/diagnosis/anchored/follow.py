@@ -10,7 +10,7 @@ from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis.anchored.search import Progress, Search, Searcher
 from cobot_joint.diagnosis.anchored.tracks import Tracker
 from cobot_joint.diagnosis.data.campaign import Campaign
-from cobot_joint.diagnosis.estimation.problem import Run
+from cobot_joint.diagnosis.estimation.problem import Run, may_set_in
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.plant import SPEEDS, Plant, TermCandidate
 from cobot_joint.diagnosis.state_estimation.noise import noise_of
@@ -65,7 +65,9 @@ def _searcher(
     assert isinstance(plant, FmuPlant)
     seen = replace(campaign, recordings=campaign.train)  # not what is held out
     with Tracker(plant, seen.recordings, noise_of(seen)) as tracker:
-        yield Searcher(plant, tracker, healthy(campaign, plant), terms, say, in_runs)
+        searcher = Searcher(plant, tracker, healthy(campaign, plant), terms, say, in_runs)
+        searcher.onsets = campaign.onsets and may_set_in(seen.recordings)
+        yield searcher
 
 
 def healthy(campaign: Campaign, plant: Plant) -> dict[str, tuple[float, float]]:

@@ -118,6 +118,7 @@ class Searcher:
     ) -> None:
         self.plant, self.tracker, self.say = plant, tracker, say
         self.bounds, self.terms, self.in_runs = dict(bounds), list(terms), set(in_runs)
+        self.onsets = True  # whether terms may set in during a run
         self._base_runs: dict[object, list[NDArray[np.float64]] | None] = {}  # of one point of the search
         self._asking = threading.Lock()
         self._phases = {t.phase for t in terms}
@@ -129,9 +130,8 @@ class Searcher:
         found, at = self._begun(start)
         at = self._settle(found, SETTLE, at)
         found.calibrated = self._estimates(found, at)
-        while True:
-            room = len(found.named) < thresholds.MOST_TERMS
-            more = self._best(found, at, self._next(found, at)) if room else None
+        while len(found.named) < thresholds.MOST_TERMS:
+            more = self._best(found, at, self._next(found, at))
             if more is None:
                 break
             found, at = more
@@ -260,7 +260,7 @@ class Searcher:
         ranked.sort(key=lambda c: -c.evidence)
 
         def late(c: Candidate) -> Candidate:
-            return c if c.term.name in self.bounds else at.with_onset(c, thresholds.LATER / 2)
+            return c if c.term.name in self.bounds or not self.onsets else at.with_onset(c, thresholds.LATER / 2)
 
         ranked = sorted([*at_once(late, ranked[:FIRST]), *ranked[FIRST:]], key=lambda c: -c.evidence)
         self._pointed = self._pointed or {c.term.name for c in ranked[:POINTED]}

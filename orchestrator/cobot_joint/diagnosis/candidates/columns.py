@@ -11,6 +11,8 @@ import numpy as np
 from cobot_joint.diagnosis.estimation.problem import Run, Vector
 from cobot_joint.diagnosis.plant.plant import TermCandidate
 
+FIRST = 24  # orders
+
 
 @dataclass(frozen=True)
 class Column:
@@ -37,8 +39,9 @@ def shapes(term: TermCandidate, orders: Mapping[str, Sequence[float]]) -> list[d
 
 
 def middle(term: TermCandidate, orders: Mapping[str, Sequence[float]]) -> dict[str, float]:
-    """The combination in the middle."""
-    choices = shapes(term, orders)
+    """The combination in the middle; of many orders, of the first ones, that any shaft shows."""
+    first = {s.name: s.values[:FIRST] for s in term.shapes if s.whole}
+    choices = shapes(term, {**first, **orders})
     return choices[len(choices) // 2]
 
 

@@ -5,17 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
 from cobot_joint.diagnosis.estimation.fit import Fit
-from cobot_joint.diagnosis.estimation.order_spectrum import clearest_between, order_spectrum
+from cobot_joint.diagnosis.estimation.order_spectrum import (
+    clear_orders,
+    clearest_between,
+    order_spectrum,
+    prewhitened,
+    whole_orders,
+)
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
 from cobot_joint.diagnosis.estimation.recorded_motion import along_recording
 from cobot_joint.diagnosis.plant.correction import SGN, TIME, Factor, Product
 from cobot_joint.diagnosis.plant.plant import Port, Signals
 
-ORDERS = tuple(float(n) for n in range(1, 49))  # periods per turn that are looked for
 BETWEEN = 12.0  # up to which one that is no whole number is looked for
 LOW = 2  # order, up to which a wave is tried though a shaft turns too little for a spectrum
 ARC = np.pi / 4  # rad of travel, over which they are seen: gravity on an elbow that goes from -1.2 to 1.4 rad
@@ -40,6 +46,15 @@ class Local:
     time: Vector
 
 
+@dataclass(frozen=True)
+class _Spectral:
+    """A wave in a residual's order spectrum. windows: that it is from."""
+
+    power: float
+    wave: Wave
+    windows: float
+
+
 class Dictionary:
     """Forms at one port on the trajectories of one fit, its motion where the recordings have it.
 
@@ -58,13 +73,15 @@ class Dictionary:
         self.problem, self.port = problem, port
         self.between: dict[str, float | None] = {} if between is None else between
         self.residual = start.residual
-        simulated = problem.outputs(start.run, port.signals) if outputs is None else outputs
+        every = list(dict.fromkeys(angle for other in problem.plant.ports for angle in other.angles))
+        simulated = problem.outputs(start.run, [*port.signals, *every]) if outputs is None else outputs
         self.locals = self._locals(simulated)
         self.angles = [_short(n) for n in port.angles]
         self.speeds = {angle: w for angle in self.angles if (w := self._speed_of(angle)) is not None}
         self.speed = next(iter(self.speeds.values()), None)
         moving = {*self.angles, *self.speeds.values()}
         motion = [n for n in port.signals if _short(n) in moving]
+        self.whole = whole_orders(simulated, every)
         self.outputs = [along_recording(r, s, motion) for r, s in zip(problem.recordings, simulated, strict=True)]
         self.locals = self._locals(self.outputs)
         self.loads = self._independent([_short(n) for n in port.loads])
@@ -119,40 +136,59 @@ class Dictionary:
     @cached_property
     def waves(self) -> list[Wave]:
         """Orders of the port's angles that stand out of the residual, clearest first."""
-        return list(dict.fromkeys(wave for p, wave, _ in sorted(self._spectra, reverse=True) if p > 0))
+        return list(dict.fromkeys(s.wave for s in self._strongest if s.power > 0))
+
+    @cached_property
+    def clear(self) -> list[Wave]:
+        """Whole orders that stand out of those beside them, prewhitened, clearest first: in what a free run that drifts
+        leaves, they have less power than its slow part at low ones."""
+        found, white = [], prewhitened(self.problem, self.residual)
+        for name, turning in product(self.port.angles, (False, True)):
+            power, windows = order_spectrum(self.problem, white, name, self.outputs, self.whole[name], turning=turning)
+            found += [(power[k], (_short(name), self.whole[name][k])) for k in clear_orders(power, windows)]
+        return list(dict.fromkeys(wave for _, wave in sorted(found, reverse=True)))
+
+    @property
+    def _prominent(self) -> list[Wave]:
+        return list(dict.fromkeys([*self.waves[:FEW], *self.clear[:1]]))
+
+    @property
+    def _strongest(self) -> list[_Spectral]:
+        return sorted(self._spectra, key=lambda s: (-s.power, s.wave))
 
     @property
     def low(self) -> list[Wave]:
         """Low orders of which no window of a spectrum holds enough, and a recording ARC at least: of a shaft that turns
         once or twice, or of an arm that swings, forms have to say."""
-        low = [(a, n) for _, (a, n), windows in self._spectra if windows == 0 and n <= LOW]
+        low = [s.wave for s in self._spectra if s.windows == 0 and s.wave[1] <= LOW]
         return list(dict.fromkeys((a, n) for a, n in low if self.travel(a) > ARC))
 
     @cached_property
-    def _spectra(self) -> list[tuple[float, Wave, float]]:
-        """(power, wave, windows that it is from) of what keeps its sign when the shaft turns round, and of the rest."""
-        found: list[tuple[float, Wave, float]] = []
+    def _spectra(self) -> list[_Spectral]:
+        """Of what keeps its sign when the shaft turns round, and of the rest."""
+        found: list[_Spectral] = []
         for name in self.port.angles:
-            orders = self._orders(name)
-            for turning in (False, True):
+            for orders, turning in product(self._orders(name), (False, True)):
                 of_all = order_spectrum(self.problem, self.residual, name, self.outputs, orders, turning=turning)
-                found += [(float(p), (_short(name), n), float(m)) for n, p, m in zip(orders, *of_all, strict=True)]
+                found += [
+                    _Spectral(float(p), (_short(name), n), float(m)) for n, p, m in zip(orders, *of_all, strict=True)
+                ]
         return found
 
-    def _orders(self, angle: str) -> list[float]:
+    def _orders(self, angle: str) -> tuple[list[float], list[float]]:
         """Whole ones, and the clearest that is none, with its double, in place of the one in which it shows as well."""
         if angle not in self.between:
             self.between[angle] = clearest_between(self.problem, self.residual, angle, self.outputs, BETWEEN)
-        n = self.between[angle]
-        return [*ORDERS] if n is None else [*(k for k in ORDERS if k != max(round(n), 1)), n, 2 * n]
+        n, whole = self.between[angle], self.whole[angle]
+        return (whole, []) if n is None else ([k for k in whole if k != max(round(n), 1)], [n, 2 * n])
 
     def first(self) -> dict[Product, Feature]:
         """The few that tell where the residual points."""
-        return self.values([*self._first(), *self._waves([*self.low, *self.waves[:FEW]])])
+        return self.values([*self._first(), *self._waves([*self.low, *self._prominent])])
 
     def more(self) -> dict[Product, Feature]:
         """The rest."""
-        return self.values([*self._more(), *self._waves(self.waves[FEW:MORE])])
+        return self.values([*self._more(), *self._waves([w for w in self.waves[:MORE] if w not in self._prominent])])
 
     def values(self, products: Sequence[Product]) -> dict[Product, Feature]:
         """Those that are not 0 everywhere."""

@@ -20,11 +20,12 @@ from cobot_joint.diagnosis.candidates.columns import (
 )
 from cobot_joint.diagnosis.candidates.score_test import Score, scores
 from cobot_joint.diagnosis.estimation.fit import Fit
-from cobot_joint.diagnosis.estimation.order_spectrum import order_spectrum
+from cobot_joint.diagnosis.estimation.order_spectrum import clear_orders, order_spectrum, prewhitened
 from cobot_joint.diagnosis.estimation.problem import Key, Problem
 from cobot_joint.diagnosis.plant.plant import PROBE, Signals, TermCandidate
 
-ORDERS = 3  # whole orders per term that are simulated, of those that the residual's own order spectrum shows
+ORDERS = 3  # whole orders per term that are simulated, of those that the residual's own order spectrum shows,
+CLEAR = 1  # and of those that stand out of it once it is prewhitened
 RESPONSE = 0.3  # rms over noise that a probing amplitude should cause
 LEAST, GREATEST = 0.1, 30.0  # the same, as it is kept; simulations are rough by some 0.002
 IN_PROPORTION = 100.0  # to which a probing amplitude is made larger or smaller without trying it again
@@ -215,13 +216,16 @@ class Scan:
         wanted = sorted({a for t in terms for a in angles.get(t.component, ())})
         outputs = self.problem.outputs(fit.run, wanted) if wanted else []
         found: dict[str, list[float]] = {}
+        white = prewhitened(self.problem, fit.residual)
         for term in terms:
             shape = next(s for s in term.shapes if s.whole)
             if len(shape.values) <= ORDERS or not angles.get(term.component):
                 continue
-            power = np.zeros(len(shape.values))
+            power, clear = np.zeros(len(shape.values)), []
             for angle in angles[term.component]:
                 power = np.maximum(power, order_spectrum(self.problem, fit.residual, angle, outputs, shape.values)[0])
-            best = np.argsort(-power)[:ORDERS]
+                flat = order_spectrum(self.problem, white, angle, outputs, shape.values)
+                clear += [(flat[0][k], k) for k in clear_orders(*flat)]
+            best = {*np.argsort(-power)[:ORDERS].tolist(), *(k for _, k in sorted(clear)[-CLEAR:])}
             found[shape.name] = [shape.values[k] for k in sorted(best)]
         return found

@@ -51,6 +51,8 @@ class Campaign:
     recordings: list[Recording]
     notes: list[str] = field(default_factory=list)
     terms: list[str] = field(default_factory=list)  # to look at; empty: all
+    scan: dict[str, tuple[float, float]] = field(default_factory=dict)  # `component.term.shape` -> range of its values
+    onsets: bool = True  # whether what is missing may set in during a run
     suspicions: list[Suspicion] = field(default_factory=list)  # of channels, once `plausible` has looked
     parameters: Values = field(default_factory=dict)  # nominal values of this machine, as given
     told: frozenset[str] = frozenset()  # channels whose noise the campaign itself says, which is believed
@@ -105,7 +107,8 @@ def load_campaign(path: Path, *, roles: tuple[Role, ...] = ("train", "holdout"))
     _each_once(path, given)
     campaign = Campaign(
         given.title, path, given.system, setups, channels, defaults.tolerances | given.tolerances, logged, [],
-        terms=given.terms, parameters=parameters, told=frozenset(n for n, c in given.logged.items() if c.noise),
+        terms=given.terms, scan=given.scan, onsets=given.onsets, parameters=parameters,
+        told=frozenset(n for n, c in given.logged.items() if c.noise),
     )  # fmt: skip
     systems = campaign.systems()
     check(str(path), given, systems, {setup: system_connectors(file) for setup, file in setups.items()})

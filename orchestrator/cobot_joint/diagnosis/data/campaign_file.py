@@ -37,10 +37,21 @@ def _tolerance(given: Any) -> Tolerance:
     percent = re.fullmatch(r"\s*(\d+(?:\.\d*)?)\s*%\s*", given) if isinstance(given, str) else None
     if percent and float(percent[1]) > 0:
         return Tolerance(relative=float(percent[1]) / 100)
-    numbers = isinstance(given, list) and len(given) == 2 and all(type(v) in (int, float) for v in given)
-    if numbers and -math.inf < given[0] < given[1] < math.inf:
-        return Tolerance(between=(float(given[0]), float(given[1])))
+    if (between := _two_numbers(given)) is not None:
+        return Tolerance(between=between)
     raise ValueError(f'{given!r} is given, "20 %" (more than 0 %) or [lower, upper] is allowed')
+
+
+def _range(given: Any) -> tuple[float, float]:
+    if (between := _two_numbers(given)) is not None:
+        return between
+    raise ValueError(f"{given!r} is given, [lower, upper] is allowed")
+
+
+def _two_numbers(given: Any) -> tuple[float, float] | None:
+    """The first below the second, and both finite; None: it is no such list."""
+    numbers = isinstance(given, list | tuple) and len(given) == 2 and all(type(v) in (int, float) for v in given)
+    return (float(given[0]), float(given[1])) if numbers and -math.inf < given[0] < given[1] < math.inf else None
 
 
 class _Model(BaseModel):
@@ -168,6 +179,9 @@ class CampaignFile(_Model):
     terms: list[str] = Field(
         default_factory=list
     )  # `component.term` that are looked at, where not all of the units' are
+    # `component.term.shape` -> where its values are looked for, where not over what was driven
+    scan: dict[str, Annotated[tuple[float, float], BeforeValidator(_range)]] = Field(default_factory=dict)
+    onsets: bool = True  # whether what is missing may set in during a run
     frequency_response: FrequencyExperiment | None = None
     alternative: list[Alternative] = Field(default_factory=list)  # of a frequency response
     recording: list[RecordingEntry] = Field(default_factory=list)

@@ -29,6 +29,8 @@ def check(where: str, given: CampaignFile, systems: Mapping[str, System], offere
     for name in given.terms:
         if name not in terms:
             raise UserError(f"{where}: terms: {name!r} is given, {_nearest(name, terms)} is allowed")
+    for name, (low, high) in given.scan.items():
+        _scan(f"{where}: [scan] {name!r}", name, (low, high), components)
     for name, logged in given.logged.items():
         _logged(f"{where}: [logged] {name!r}", name, logged, offered)
     for entry in given.recording:
@@ -57,6 +59,30 @@ def _tolerance(where: str, name: str, tolerance: Tolerance, components: Mapping[
     if tolerance.between and ((lower is not None and low < lower) or (upper is not None and high > upper)):
         allowed = f"{'any' if lower is None else f'{lower:g}'} to {'any' if upper is None else f'{upper:g}'}"
         raise UserError(f"{where}: [{low:g}, {high:g}] is given, {component.unit.path.name} allows {allowed}")
+
+
+def _scan(where: str, name: str, given: tuple[float, float], components: Mapping[str, Component]) -> None:
+    shapes = {
+        f"{c.name}.{shape.name}": (c.unit, shape)
+        for c in components.values()
+        for term in c.unit.terms
+        if term.amplitude
+        for shape in term.shapes
+        if shape.scan != "phase"
+    }
+    if name not in shapes:
+        raise UserError(f"{where}: no term has such a shape, allowed are {_nearest(name, shapes)}")
+    unit, shape = shapes[name]
+    low, high = given
+    said = f"{where}: [{low:g}, {high:g}] is given"
+    lower, upper = unit.bounds_of(shape.name)
+    if (lower is not None and low < lower) or (upper is not None and high > upper):
+        allowed = f"{'any' if lower is None else f'{lower:g}'} to {'any' if upper is None else f'{upper:g}'}"
+        raise UserError(f"{said}, {unit.path.name} allows {allowed}")
+    if shape.scan == "log" and low <= 0:
+        raise UserError(f"{said}, it is scanned in equal ratios: more than 0 is allowed")
+    if shape.scan == "order" and np.ceil(low) > np.floor(high):
+        raise UserError(f"{said}, a whole number in between is needed: it counts periods per turn")
 
 
 def _logged(where: str, name: str, logged: Logged, offered: Offered) -> None:

@@ -50,6 +50,7 @@ def calibrate(campaign: Campaign, plant: Plant, say: Progress, store: Store) -> 
         again = store.remember("calibrated again", (told(campaign), start), lambda: refit(quiet, base, start))
         problem, calibrated = (quiet, again) if again is not None else (given, calibrated)
         problem.drifting = {name: off[name] for name in drifting} if again is not None else {}
+    problem.may_set_in = campaign.onsets
     return problem, calibrated
 
 

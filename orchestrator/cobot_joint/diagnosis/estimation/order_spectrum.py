@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import detrend
+from scipy.linalg import solve_toeplitz
+from scipy.signal import detrend, lfilter
 from scipy.stats import gamma
 
-from cobot_joint.diagnosis.estimation.problem import Problem, Vector
+from cobot_joint.diagnosis import thresholds
+from cobot_joint.diagnosis.estimation.problem import Vector
 
 WIDTHS = (512, 1024, 2048, 4096)  # samples of a window: the first in which the shaft turns `TURNS`, or the last
 TURNS = 4.0
 PERIODS = 2.0  # that a window must hold of an order
 HIGHEST = 0.8 * np.pi  # rad that a wave may turn within a sample
 QUICK = 0.75  # of its samples a shaft is slower than where it is quick
+ORDINARY = 48  # orders that every shaft is looked at
+QUICKEST = 0.9  # of the quickest shaft's travel, that another has which turns as quickly
+FINEST = 400  # the highest of all: slots times poles of a motor with many of both, teeth of a large wheel
+CELLS = 8  # of a turn's grid, per period of the highest order
+LAST, RIDGE = 8, 1e-9  # samples that predict the next; share that keeps their equations from being singular
 # of orders between whole ones
 LONGER = (8192, 16384)  # windows that resolve them better
 LOWEST = 0.4
@@ -28,8 +36,28 @@ AROUND = 1.5  # orders about one, whose median is what it stands out of
 BY_CHANCE = 1e-3  # of all that are looked at, one by noise
 
 
+class Rows(Protocol):
+    """Of one channel of one recording, in a residual."""
+
+    @property
+    def recording(self) -> int:
+        """Its number."""
+
+    @property
+    def rows(self) -> slice:
+        """As many as the recording has samples."""
+
+
+class Blocks(Protocol):
+    """What has a residual: a problem."""
+
+    @property
+    def blocks(self) -> Sequence[Rows]:
+        """Of all its recordings."""
+
+
 def order_spectrum(
-    problem: Problem,
+    problem: Blocks,
     residual: Vector,
     angle: str,
     signals: Sequence[Mapping[str, Vector]],
@@ -45,6 +73,7 @@ def order_spectrum(
     no harm. signals: per recording, by name, (n,) each; runs without the angle do not count.
     """
     n = np.asarray(orders, dtype=np.float64)
+    project = _at_whole_orders if np.all(n == np.round(n)) else _at_any_orders
     power, windows = np.zeros(len(n)), np.zeros(len(n))
     blocks = [b for b in problem.blocks if angle in signals[b.recording]]
     if not blocks:
@@ -62,17 +91,15 @@ def order_spectrum(
                 r = detrend(r * np.sign(np.gradient(phi, axis=1))[:, None], axis=2)
             r = r * taper
         turned, fastest = np.ptp(phi, axis=1), np.abs(np.diff(phi, axis=1)).max(axis=1, initial=0.0)
-        for k, wave in enumerate(_waves(phi, n)):
-            seen = (turned * n[k] > PERIODS * 2 * np.pi) & (fastest * n[k] < HIGHEST)
-            parts = wave.view(np.float64).reshape(*wave.shape, 2)  # real and imaginary
-            count = len(rows) * np.count_nonzero(seen)
-            power[k] += float(np.sum((r @ parts)[seen] ** 2)) / width - count
-            windows[k] += count
+        seen = (np.outer(n, turned) > PERIODS * 2 * np.pi) & (np.outer(n, fastest) < HIGHEST)
+        count = len(rows) * np.count_nonzero(seen, axis=1)
+        power += np.sum(project(phi, r, n), axis=1, where=seen) / width - count
+        windows += count
     return power, windows
 
 
 def clearest_between(
-    problem: Problem, residual: Vector, angle: str, signals: Sequence[Mapping[str, Vector]], most: float
+    problem: Blocks, residual: Vector, angle: str, signals: Sequence[Mapping[str, Vector]], most: float
 ) -> float | None:
     """The order up to `most`, no whole number, that stands out most; None: none does.
 
@@ -102,7 +129,7 @@ def clearest_between(
 
 
 def _clearest(
-    problem: Problem,
+    problem: Blocks,
     residual: Vector,
     angle: str,
     signals: Sequence[Mapping[str, Vector]],
@@ -147,6 +174,73 @@ def _turns(angles: Sequence[Vector], width: int) -> float:
 def _speed(angles: Sequence[Vector], quantile: float) -> float:
     """That part of the samples is slower, rad per sample."""
     return float(np.quantile(np.abs(np.concatenate([np.diff(phi) for phi in angles])), quantile))
+
+
+def whole_orders(signals: Sequence[Mapping[str, Vector]], angles: Sequence[str]) -> dict[str, list[float]]:
+    """Angle -> those that its shaft is looked at: of the quickest, up to what its samples resolve where it is slow.
+    What repeats more often on a slower one is a low order of that. signals: per recording, by name, (n,) each."""
+    runs = {angle: [s[angle] for s in signals if angle in s] for angle in angles}
+    travel = {angle: max((float(np.ptp(phi)) for phi in of_one), default=0.0) for angle, of_one in runs.items()}
+    quickest = max(travel.values(), default=0.0)
+    found = {}
+    for angle, of_one in runs.items():
+        most = float(ORDINARY)
+        if travel[angle] > QUICKEST * quickest:
+            most = max(most, HIGHEST / max(_speed(of_one, 1 - QUICK), HIGHEST / FINEST))
+        found[angle] = [float(n) for n in range(1, int(most) + 1)]
+    return found
+
+
+def prewhitened(problem: Blocks, residual: Vector) -> Vector:
+    """Each channel less what its last samples predict of it: waves stay, and what is slow has no more power than they.
+    Linear prediction by autocorrelation, as for faults of bearings beside gears (Sawalhi, Randall, Endo 2007, Mech.
+    Syst. Signal Process. 21(6)). residual: (rows,)"""
+    found = np.zeros_like(residual)
+    for b in problem.blocks:
+        x = residual[b.rows] - np.mean(residual[b.rows])
+        r = np.array([x[: len(x) - k] @ x[k:] for k in range(LAST + 1)])
+        r[0] *= 1 + RIDGE
+        if r[0] > 0:
+            e = lfilter([1.0, *-solve_toeplitz(r[:-1], r[1:])], [1.0], x)
+            found[b.rows] = e / np.std(e)
+    return found
+
+
+def clear_orders(power: Vector, windows: Vector) -> list[int]:
+    """Numbers of whole orders that stand out of noise and of those beside them. power, windows: `order_spectrum`."""
+    mean, found = power / np.maximum(windows, 1), []
+    for k in np.flatnonzero(power > thresholds.STANDS_OUT * np.sqrt(np.maximum(windows, 1))):
+        beside = [mean[j] for j in (k - 2, k - 1, k + 1, k + 2) if 0 <= j < len(mean) and windows[j]]
+        if beside and mean[k] > thresholds.STANDS_OUT * max(float(np.median(beside)), 0.0):
+            found.append(int(k))
+    return found
+
+
+def _at_whole_orders(phi: Vector, r: Vector, orders: Vector) -> Vector:
+    """Sum over channels of |sum_k r_k exp(-j n phi_k)|^2: (orders, windows). phi: (windows, samples), r: (windows,
+    channels, samples). A Fourier transform over the turn: each sample is shared out between the two cells of a grid
+    about it, which multiplies what is at n by sinc(n/cells)^2."""
+    n = orders.astype(np.intp)
+    cells = 1 << (CELLS * int(np.max(n, initial=1))).bit_length()
+    place = np.mod(phi, 2 * np.pi) * (cells / (2 * np.pi))
+    cell = place.astype(np.intp)
+    part, first = place - cell, cells * np.arange(len(phi))[:, None]
+    at = np.concatenate([(first + cell % cells).ravel(), (first + (cell + 1) % cells).ravel()])
+    found = np.zeros((len(n), len(phi)))
+    for x in np.swapaxes(r, 0, 1):
+        shared = np.concatenate([(x * (1 - part)).ravel(), (x * part).ravel()])
+        turn = np.bincount(at, shared, cells * len(phi)).reshape(len(phi), cells)
+        found += np.abs(np.fft.rfft(turn, axis=1)[:, n].T) ** 2
+    return np.asarray(found / np.sinc(n / cells)[:, None] ** 4)
+
+
+def _at_any_orders(phi: Vector, r: Vector, orders: Vector) -> Vector:
+    """The same, of any orders."""
+    found = np.empty((len(orders), len(phi)))
+    for k, wave in enumerate(_waves(phi, orders)):
+        parts = wave.view(np.float64).reshape(*wave.shape, 2)  # real and imaginary
+        found[k] = np.sum((r @ parts) ** 2, axis=(1, 2))
+    return found
 
 
 def _waves(phi: Vector, orders: Vector) -> Iterator[NDArray[np.complex128]]:

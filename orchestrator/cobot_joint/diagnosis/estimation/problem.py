@@ -87,6 +87,11 @@ class Block:
     weight: NDArray[np.float64]  # 0 where not recorded
 
 
+def may_set_in(recordings: Sequence[Recording]) -> bool:
+    """Whether an effect may set in at a time of the run: not at the same in each of many."""
+    return len(recordings) <= FEW
+
+
 def one_blas_thread() -> AbstractContextManager[object]:
     """Simulations fill the cores, and threads of BLAS spin while they wait for one."""
     return threadpool_limits(limits=1, user_api="blas")
@@ -115,6 +120,7 @@ class Problem:
         self._runs = [0]  # which a part counts on
         self.watch: Callable[[int, int], None] | None = None  # told of simulations done, of how many asked for at once
         self.budget = Budget()
+        self.may_set_in = True  # by the campaign
         self.drifting: Mapping[
             str, float
         ] = {}  # position -> what is left of it, times its noise: its drift counts less
@@ -153,8 +159,8 @@ class Problem:
 
     @property
     def onsets(self) -> bool:
-        """Whether an effect may set in at a time: not at the same in each of many recordings."""
-        return len(self.recordings) <= FEW
+        """Whether an effect may set in at a time."""
+        return self.may_set_in and may_set_in(self.recordings)
 
     @property
     def is_table(self) -> bool:
@@ -317,6 +323,7 @@ class Problem:
         """The same with some of the recordings, by number."""
         found = Problem(self.plant, [self.recordings[n] for n in recordings], self.noise, self.jobs, self.step)
         found.budget, found.watch, found._runs = self.budget, self.watch, self._runs
+        found.may_set_in = self.may_set_in
         return found
 
     def times(self) -> Vector:

@@ -17,7 +17,7 @@ from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.explanation.closed_loop import chi2_in_closed_loop
 from cobot_joint.diagnosis.explanation.explanation import Explanation, sure_beside_background
-from cobot_joint.diagnosis.explanation.waves import in_place_of, repeats, without_waves
+from cobot_joint.diagnosis.explanation.waves import hides_a_wave, in_place_of, repeats, without_waves
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.selection.confidence import beside_background
 from cobot_joint.diagnosis.selection.elimination import prune, worth_naming
@@ -71,7 +71,7 @@ class BeyondTheList:
                 return self._of(pair.formula, pair.outside)
             formula, outdone = pair.formula, True
         lost = outdone and bool(formula and formula.is_wave)
-        found = self._along_the_motion(outdone, lost)
+        found = self._along_the_motion(formula, outdone, lost)
         lost = lost and not self._outdoes_claimed(formula, found)
         if found and (better := self._from_the_motion(found, formula)):
             return better
@@ -184,11 +184,13 @@ class BeyondTheList:
         look = partial(look_together, self.problem, self.listed, likely or formula, self.beside, self.say)
         return self.stage("a formula and something beside it", look)
 
-    def _along_the_motion(self, outdone: bool, lost: bool) -> Search | None:
+    def _along_the_motion(self, formula: Unmodelled | None, outdone: bool, lost: bool) -> Search | None:
         """What the recorded motion says, where it may change the answer. Where motion is an input, free runs lose
         nothing."""
+        if not self.much or not self.follows or self.given:
+            return None
         settled = outdone and not lost and (self.takes_most or not self._stands)
-        if not self.much or not self.follows or self.given or settled:
+        if settled and not (formula and hides_a_wave(self.problem, formula.fit)):
             return None
         if self.takes_most and not (lost or self.listed.imitates or self.stands_out):
             return None

@@ -106,16 +106,26 @@ def _by_its_own_angle(problem: Problem, found: Fit) -> Fit:
     return plain if plain is not None and plain.cost < found.cost + thresholds.ALIKE else found
 
 
-def _that_show(problem: Problem, start: Fit) -> Iterator[tuple[TermCandidate, float]]:
-    """Listed waves that are off, at the orders of their unit's angles that stand out of the residual."""
+def hides_a_wave(problem: Problem, found: Fit) -> bool:
+    """Whether a fit that leaves what stands out leaves an order of a shaft's recorded angle, at which a listed wave is
+    off. Of cogging on which a slow shaft catches, a free run has the mean drag, which other forms follow, and not the
+    angle."""
+    return problem.stands_out(found.residual) and any(True for _ in _that_show(problem, found, clear=True))
+
+
+def _that_show(problem: Problem, start: Fit, clear: bool = False) -> Iterator[tuple[TermCandidate, float]]:
+    """Listed waves that are off, at the orders of their unit's angles that stand out of the residual. clear: of those
+    alone that stand out of the orders beside them."""
     on = {active.name for active in start.hypothesis.terms}
     ports = {port.component: port for port in problem.plant.ports if port.angles}
-    shown = {component: Dictionary(problem, start, port) for component, port in ports.items()}
+    outputs = problem.outputs(start.run, list(dict.fromkeys(s for port in ports.values() for s in port.signals)))
+    shown = {component: Dictionary(problem, start, port, outputs) for component, port in ports.items()}
     for term in problem.plant.terms:
         there = shown.get(term.component)
         if term.phase is None or term.name in on or there is None or not there.locals:
             continue
-        orders = [n for angle, n in [*there.waves[:SHOWN], *there.low] if f"{term.component}.{angle}" == term.angle]
+        waves = there.clear[:SHOWN] if clear else [*there.waves[:SHOWN], *there.clear[:SHOWN], *there.low]
+        orders = [n for angle, n in waves if f"{term.component}.{angle}" == term.angle]
         yield from ((term, n) for n in dict.fromkeys(orders) if _may_have(term, n))
 
 

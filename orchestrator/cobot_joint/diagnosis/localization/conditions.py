@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.diagnosis import thresholds
-from cobot_joint.diagnosis.estimation.order_spectrum import order_spectrum
+from cobot_joint.diagnosis.estimation.order_spectrum import clear_orders, order_spectrum, whole_orders
 from cobot_joint.diagnosis.estimation.problem import BLOCK, Problem, Vector, binned
 
 SIZES = ((0.0, 0.05, "near zero"), (0.05, 0.35, "low"), (0.35, 0.7, "middle"), (0.7, np.inf, "high"))  # of the greatest
 BANDS = (0.0, 1.0, 10.0, 100.0, np.inf)  # Hz
 QUARTERS = ("first quarter", "second quarter", "third quarter", "last quarter")  # warmth is not logged, time is
-ORDERS = 24  # per turn, of each shaft
 
 
 @dataclass(frozen=True)
@@ -168,13 +167,10 @@ def orders(
     """Orders of the shafts' angles that stand out of the residual's order spectrum, strongest first."""
     total = float(sum(np.sum(residual[b.rows] ** 2 - b.weight) for b in problem.blocks))
     found = []
+    whole = whole_orders(signals, angles)
     for angle in _different(angles, signals):
-        power, windows = order_spectrum(problem, residual, angle, signals, range(1, ORDERS + 1))
-        for k in np.flatnonzero(power > thresholds.STANDS_OUT * np.sqrt(np.maximum(windows, 1))):
-            mean = power / np.maximum(windows, 1)
-            beside = [mean[j] for j in (k - 2, k - 1, k + 1, k + 2) if 0 <= j < ORDERS and windows[j]]
-            if beside and mean[k] > thresholds.STANDS_OUT * max(float(np.median(beside)), 0.0):
-                found.append(Order(angle, int(k) + 1, float(3 * power[k] / total)))
+        power, windows = order_spectrum(problem, residual, angle, signals, whole[angle])
+        found += [Order(angle, k + 1, float(3 * power[k] / total)) for k in clear_orders(power, windows)]
     return sorted(found, key=lambda o: -o.share)
 
 

@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from cobot_joint.cosim import Simulation
 from cobot_joint.cosim.instances import UnitEndedError
 from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.plant.given_ranges import Ranges, with_ranges
 from cobot_joint.diagnosis.plant.plant import (
+    ANY_ORDER,
     SPEEDS,
     Courses,
     Parameter,
@@ -49,15 +51,15 @@ class Crash:
 
 
 class FmuPlant:
-    """Systems by set-up, loaded once per worker thread. A context manager."""
+    """Systems by set-up, loaded once per worker thread. A context manager. ranges: of scanned shapes."""
 
-    def __init__(self, systems: Mapping[str, System]) -> None:
+    def __init__(self, systems: Mapping[str, System], ranges: Ranges | None = None) -> None:
         components = {c.name: c for system in systems.values() for c in system.components}
         self.systems = {setup: _with_ports(system) for setup, system in systems.items()}
         self._bare = dict(systems)  # an input costs time even while nothing enters there
         self._there = {setup: {c.name for c in system.components} for setup, system in systems.items()}
         self.parameters = {p.name: p for c in components.values() for p in _parameters(c)}
-        self.terms = tuple(t for c in components.values() for t in _terms(c))
+        self.terms = with_ranges([t for c in components.values() for t in _terms(c)], ranges or {})
         offered = {name for system in self.systems.values() for name in system.inputs}
         self.ports = tuple(p for c in components.values() for p in _ports(c) if p.name in offered)
         self.inputs = tuple(_inputs(systems))
@@ -254,7 +256,8 @@ def _shape(component: str, unit: Unit, shape: Shape) -> ScannedShape:
         values = np.geomspace(shape.min, shape.max, shape.points)
     else:
         values = np.linspace(shape.min, shape.max, shape.points)
-    reach = shape.max - shape.min  # a fit may leave the scanned range, by as much again
+    # a fit may leave the scanned range, by as much again; any order, as far as the unit takes it
+    reach = np.inf if whole and len(values) >= ANY_ORDER else shape.max - shape.min
     outer = (shape.min / 30, shape.max * 30) if shape.scan == "log" else (shape.min - reach, shape.max + reach)
     return ScannedShape(
         name=f"{component}.{shape.name}",

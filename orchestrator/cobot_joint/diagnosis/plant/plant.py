@@ -47,6 +47,9 @@ class Parameter:
     upper: float
 
 
+ANY_ORDER = 24  # orders that a unit scans where it can be any: slots, poles, teeth
+
+
 @dataclass(frozen=True)
 class ScannedShape:
     """A shape parameter of a term: unidentifiable while the term is off, so these values are tried."""
@@ -59,6 +62,12 @@ class ScannedShape:
     logarithmic: bool = False
     whole: bool = False  # an order: counted, never fitted
     reached: float = np.inf  # of a speed: the highest that was driven
+    given: bool = False  # its range, by the campaign
+
+    @property
+    def is_any_order(self) -> bool:
+        """Whether the unit names no few orders that its physics has, as a misalignment has one or two."""
+        return self.whole and not self.given and len(self.values) >= ANY_ORDER
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,9 @@ STRETCH = 4.0  # s of a recording that they are estimated from
 class Structure:
     """What a system's free run says before filtering.
 
-    followed: states that a channel depends on, by number. reached: (states,), their largest absolute values, no less
-    than nominal. latents: one per port that these channels tell apart. alike: of such a port, the others it stands for.
+    followed: states that a channel or an angle depends on, by number. reached: (states,), their largest absolute
+    values, no less than nominal. latents: one per port that these channels tell apart. alike: of such a port, the
+    others it stands for.
     """
 
     followed: list[int]
@@ -42,7 +43,7 @@ def structure(
 ) -> Structure:
     """Along a free run of a recording. ports: inputs of the system that are 0 when unused."""
     J = Lineariser(sampled, ports)(piece, slice(None, None, COARSE))
-    followed = _followed(J)
+    followed = _followed(J, sampled.places)
     sigma = np.array([noise[c].sigma for c in sampled.channels])
     quick, slow = (_response(J, followed, omega, sampled.nominal, sigma) for omega in (QUICK, SLOW))
     size = np.sqrt(np.mean(np.sum(np.abs(slow) ** 2, axis=1), axis=0))  # (ports,)
@@ -71,9 +72,11 @@ def with_sizes(estimator: StateEstimator, tracked: Tracked, rounds: int = ROUNDS
     return estimator
 
 
-def _followed(J: Jacobians) -> list[int]:
-    """States that some channel depends on, by way of others or not."""
+def _followed(J: Jacobians, places: Sequence[int]) -> list[int]:
+    """States that some channel or a shaft's angle depends on, by way of others or not: a wave that is off goes by an
+    angle that nothing else may need."""
     A, reached = np.abs(J.A).max(axis=0) > 0, (np.abs(J.C).max(axis=0) > 0).any(axis=0)
+    reached[list(places)] = True
     while (more := reached | A[reached].any(axis=0)).sum() > reached.sum():
         reached = more
     return [int(j) for j in np.flatnonzero(reached)]

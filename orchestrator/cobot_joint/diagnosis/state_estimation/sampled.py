@@ -22,6 +22,7 @@ from cobot_joint.errors import UserError
 from cobot_joint.system.model import Connection, Inputs, System, Value
 
 Array = NDArray[np.float64]
+PLACES = ("rad", "m")  # units of measure of an angle or a way
 FAR = 1e3  # times what a free run reaches: no machine gets there, and no filter comes back
 
 
@@ -81,6 +82,9 @@ class SampledSystem:
         self.channels = tuple(channels)
         self.values, self.onsets = dict(values or {}), dict(onsets or {})
         self.nominal = np.array([s.nominal for s in states])
+        self.places = [
+            j for j, s in enumerate(states) if system.component(s.component).unit.unit_of(s.variable) in PLACES
+        ]
         self._bounds = np.array([s.lower for s in states]), np.array([s.upper for s in states])
         self.simulation = Simulation(system)
         self.scheme = self._chosen_scheme()

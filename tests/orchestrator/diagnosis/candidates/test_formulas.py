@@ -128,3 +128,14 @@ def test_tables_are_made_of_hats_that_add_up_to_one() -> None:
             continue
         for local in found.locals.values():
             assert np.sum(argument.hats(local), axis=0) == pytest.approx(1.0)
+
+
+def test_a_wave_that_stands_out_of_those_beside_it_is_tried_though_what_drifts_has_more_power() -> None:
+    found = dictionary()
+    found.waves = [("Winkel", 1.0), ("Winkel", 2.0), ("Winkel", 3.0), ("Winkel", 7.0)]
+    found.clear = [("Winkel", 7.0), ("Winkel", 9.0)]
+    first, more = ({str(form) for form in forms if "sin(" in str(form)} for forms in (found.first(), found.more()))
+    assert first >= {"sin(1*Winkel)", "sin(2*Winkel)", "sin(7*Winkel)"}
+    assert "sin(3*Winkel)" in more
+    assert not first & more
+    assert not any("9*" in form for form in first | more)

@@ -59,7 +59,7 @@ def test_connectors_are_those_of_the_system_and_of_its_components(axis: Path) ->
         (
             ("[[recording]]", "[[recordings]]"),
             "recordings: no such key, allowed are title, system, setups, parameters, channels, initial, tolerances, "
-            "logged, terms, frequency_response, alternative, recording",
+            "logged, terms, scan, onsets, frequency_response, alternative, recording",
         ),
         (('file = "run.csv"', 'file = "gone.csv"'), "gone.csv: there is no such file"),
         (
@@ -304,3 +304,34 @@ def test_a_column_that_is_left_away_may_be_empty(tmp_path: Path, axis: Path) -> 
     (tmp_path / "run.csv").write_text("t,vir,qm\n" + "\n".join(f"{k * 1e-3},,{k + 5}" for k in range(100)))
     (r,) = load_campaign(path).recordings
     assert r.inputs == {}
+
+
+def test_a_campaign_says_where_shapes_are_looked_for_and_that_nothing_sets_in(campaign_file: Path) -> None:
+    text = campaign_file.read_text()
+    keys = 'onsets = false\n[scan]\n"motor_bldc.stribeck.w_S" = [1e-3, 0.2]\n'
+    given = campaign_file.with_name("scanned.toml")
+    given.write_text(text.replace("[[recording]]", f"{keys}[[recording]]", 1))
+    campaign = load_campaign(given)
+    assert campaign.scan == {"motor_bldc.stribeck.w_S": (1e-3, 0.2)}
+    assert (campaign.onsets, load_campaign(campaign_file).onsets) == (False, True)
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("stribeck.w = [1, 2]", "no term has such a shape, allowed are motor_bldc.stribeck.w_S"),
+        ("stribeck.w_S = [2, 1]", "[2, 1] is given, [lower, upper] is allowed"),
+        ("stribeck.w_S = 1.0", "1.0 is given, [lower, upper] is allowed"),
+        ("stribeck.w_S = [0.0, 1.0]", "[0, 1] is given, motor_bldc.fmu allows 1e-06 to 10000"),
+        ("cogging.n = [0.0, 24.0]", "[0, 24] is given, motor_bldc.fmu allows 1 to 1000"),
+        ("cogging.n = [6.2, 6.8]", "[6.2, 6.8] is given, a whole number in between is needed"),
+        ("cogging.phi_0 = [0.0, 1.0]", "no term has such a shape"),
+    ],
+)
+def test_a_range_that_no_scan_can_have_is_refused_in_one_line(tmp_path: Path, line: str, told: str) -> None:
+    name, given = line.split(" = ")
+    scan = f'[scan]\n"motor_bldc.{name}" = {given}\n'
+    with pytest.raises(UserError) as error:
+        load_campaign(write(tmp_path, f'system = "joint"\n{scan}[[recording]]\nfile = "run.csv"\n'))
+    assert told in str(error.value)
+    assert "\n" not in str(error.value)

@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from cobot_joint.diagnosis.estimation.order_spectrum import clearest_between, order_spectrum
+from cobot_joint.diagnosis.estimation.order_spectrum import (
+    FINEST,
+    ORDINARY,
+    clear_orders,
+    clearest_between,
+    order_spectrum,
+    prewhitened,
+    whole_orders,
+)
 
 ORDERS = range(1, 25)
 
@@ -110,3 +118,49 @@ def test_a_shaft_that_is_quick_in_short_bursts_keeps_the_order_of_shorter_window
     problem, _, _ = wave(1.0, 1, 0.0)
     r = np.random.default_rng(1).normal(size=len(t)) + np.sin(7.4 * phi)
     assert clearest_between(problem, r, "phi", [{"phi": phi}], 12.0) == pytest.approx(7.4, abs=0.02)
+
+
+@pytest.mark.parametrize(("w", "order"), [(40.0, 3), (6.0, 130), (2.0, 399)])
+def test_all_whole_orders_at_once_are_what_each_is_alone(w: float, order: int) -> None:
+    problem, r, phi = wave(w, order, 0.3)
+    every = range(1, FINEST + 1)
+    power, windows = order_spectrum(problem, r, "phi", [{"phi": phi}], every)
+    alone, of_one = order_spectrum(problem, r, "phi", [{"phi": phi}], [*every, 0.5])  # one by one
+    assert windows.tolist() == of_one[:-1].tolist()
+    assert power == pytest.approx(alone[:-1], abs=3e-3 * np.max(alone))
+    assert every[int(np.argmax(power))] == order
+
+
+def test_a_shaft_is_looked_at_up_to_what_its_samples_resolve_and_a_slower_one_at_ordinary_orders() -> None:
+    """At 1 kHz: 0.8*pi rad per sample are order 84 at 30 rad/s. What a slower shaft has more often is the quicker's."""
+    t = np.arange(0, 16, 1e-3)
+    signals = [{"motor.phi": 30 * t, "gear.phi": 3 * t}, {"motor.phi": 30 * t}]
+    found = whole_orders(signals, ["motor.phi", "gear.phi"])
+    assert found["motor.phi"][-1] == int(0.8 * np.pi * 1000 / 30) == 83
+    assert found["gear.phi"] == [float(n) for n in range(1, ORDINARY + 1)]
+    assert whole_orders([{"phi": 0.0 * t}], ["phi"])["phi"][-1] == ORDINARY  # it stands
+    assert whole_orders([{"phi": 0.1 * t}], ["phi"])["phi"][-1] == FINEST
+    assert whole_orders([{}], ["phi"])["phi"][-1] == ORDINARY  # no recording has it
+
+
+@pytest.mark.parametrize("amplitude", [0.0, 0.05])
+def test_a_wave_beside_a_drift_of_a_thousand_times_its_power_is_clear_once_the_drift_is_predicted(
+    amplitude: float,
+) -> None:
+    """Where a shaft turns round, it is as slow as the drift, which then shows at all orders."""
+    t = np.arange(0, 48, 1e-3)
+    phi, rng = 4 * (1 - np.cos(2 * np.pi * t / 6)) + 0.3 * t, np.random.default_rng(2)
+    problem: Any = SimpleNamespace(blocks=[SimpleNamespace(recording=0, rows=slice(0, len(t)))])
+    r = np.sin(2 * np.pi * t / 1.3) + 0.01 * rng.normal(size=len(t)) + amplitude * np.sin(84 * phi)
+    orders = whole_orders([{"phi": phi}], ["phi"])["phi"]
+    plain, white = (
+        [orders[k] for k in clear_orders(*order_spectrum(problem, x, "phi", [{"phi": phi}], orders))]
+        for x in (r, prewhitened(problem, r))
+    )
+    assert 84.0 not in plain
+    assert white == [84.0] * bool(amplitude)
+
+
+def test_a_channel_without_samples_or_of_one_value_stays_nought() -> None:
+    problem: Any = SimpleNamespace(blocks=[SimpleNamespace(recording=0, rows=slice(0, 600))])
+    assert not prewhitened(problem, np.full(600, 3.0)).any()

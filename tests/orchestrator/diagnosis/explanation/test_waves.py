@@ -19,7 +19,7 @@ from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.estimation.recorded_motion import WaveAlongRecording, at_recorded_angle
 from cobot_joint.diagnosis.explanation import beyond_the_list as beyond
 from cobot_joint.diagnosis.explanation.beyond_the_list import BeyondTheList
-from cobot_joint.diagnosis.explanation.waves import by_recorded_angle, in_place_of
+from cobot_joint.diagnosis.explanation.waves import by_recorded_angle, hides_a_wave, in_place_of
 from cobot_joint.diagnosis.selection.competition import finished
 from cobot_joint.diagnosis.selection.selection import Selection
 from cobot_joint.diagnosis.selection.stepwise import Selector
@@ -124,3 +124,9 @@ def test_what_the_motion_claims_is_held_against_a_formula_by_the_same_angle(
     asked.problem, asked.listed, asked.calibrated, asked._freely = problem, Selection([base]), base, None
     search = Search(named=[cast(beyond.Search, SimpleNamespace(name="axis.cogging", shows=True))])  # type: ignore[list-item]
     assert asked._outdoes_claimed(found, search) == turns
+
+
+@pytest.mark.parametrize("truth", [{}, COGGING], ids=["none", "cogging"])
+def test_a_wave_that_free_runs_have_lost_is_seen_in_what_they_leave(truth: dict[str, float]) -> None:
+    problem, base = calibrated(drifting({**OFF, **truth}))
+    assert hides_a_wave(problem, base) == bool(truth)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Literal
@@ -181,6 +182,13 @@ def test_an_effect_that_sets_in_during_the_run_is_dated() -> None:
     found = diagnose_plant(campaign(OFF | effect, onsets={"axis.cogging.A": 2.6}), Axis())
     assert [f.term for f in found.findings] == ["axis.cogging"]
     assert found.findings[0].onset == pytest.approx(2.6, abs=0.1)
+
+
+def test_where_a_campaign_says_that_nothing_sets_in_no_onset_is_looked_for() -> None:
+    case = campaign(OFF | {"axis.cogging.A": 6e-3, "axis.cogging.n": 5.0}, onsets={"axis.cogging.A": 2.6})
+    late, fixed = (diagnose_plant(replace(case, onsets=onsets), Axis()) for onsets in (True, False))
+    assert late.findings[0].onset == pytest.approx(2.6, abs=0.1)
+    assert all(f.onset is None for f in fixed.findings)
 
 
 @pytest.mark.parametrize(("true", "guess"), [(2.6, 2.4), (None, 0.7)])

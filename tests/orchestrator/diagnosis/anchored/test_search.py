@@ -322,3 +322,21 @@ def test_recordings_are_as_likely_as_those_in_which_the_filter_keeps_its_way_bes
         more = here._by_block(counts) - there._by_block(counts)
         price = here.regression.price - there.regression.price
         assert here.gain_over(there) == pytest.approx(price + beside.trimmed_sum(more))
+
+
+@pytest.mark.parametrize("onsets", [True, False])
+def test_along_the_motion_no_term_sets_in_where_a_campaign_says_so(
+    onsets: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    term, asked = SimpleNamespace(name="a", amplitude="a.x", phase=None), []
+    at: Any = SimpleNamespace(
+        candidate=lambda term: SimpleNamespace(term=term, evidence=100.0),
+        with_onset=lambda candidate, worth: asked.append(candidate) or candidate,
+        predicted=lambda candidate: SimpleNamespace(worth=50.0),
+    )
+    nothing: Any = None
+    monkeypatch.setattr(Searcher, "_named", lambda self, at, best, others, predicted: best)
+    searcher = Searcher(nothing, nothing, {}, [term], lambda words: None, ())
+    searcher.onsets = onsets
+    assert len(searcher._next(Search(), at)) == 1
+    assert len(asked) == onsets

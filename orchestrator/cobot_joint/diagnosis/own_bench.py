@@ -117,14 +117,14 @@ def _first_campaign(
         Entry,
         Lacking,
         campaign_text,
-        guess,
         in_percent,
         left_over,
         one_each,
         starts,
     )
     from cobot_joint.diagnosis.drafts.constant_speeds import as_table
-    from cobot_joint.diagnosis.drafts.current_drive import nominal_beside, percent_of_drive, with_commanded_current
+    from cobot_joint.diagnosis.drafts.current_drive import nominal_beside, percent_of_drive
+    from cobot_joint.diagnosis.drafts.more_guesses import guesses_of, with_only_place
     from cobot_joint.system.read import load_system
     from cobot_joint.system.wiring import driving, unwired
 
@@ -136,11 +136,12 @@ def _first_campaign(
     setup, file = next(iter(setups.items()))
     own = load_system(file)
     connectors = connectors_of(file, setup, defaults.logged)
-    offered = [c for n, c in system_connectors(file).items() if n in unwired(own)]
+    every = system_connectors(file)
+    offered = [c for n, c in every.items() if n in unwired(own)]
     mine = {*own.inputs, *own.outputs} if own.inputs else {*own.outputs, *driving(own)}  # else not of its components
     connectors = {n: c for n, c in connectors.items() if n in mine}
     columns = found[0].log.channels
-    guesses = with_commanded_current(own, guess(columns, connectors, defaults.logged), columns)
+    guesses = guesses_of(own, connectors, defaults.logged, [i.log.channels for i in found])
     percent = percent_of_drive(own, guesses, columns, in_percent(columns, guesses, connectors.values()))
     found_one = [connectors[g.connector] for g in guesses] + [rated.connector for rated in percent.values()]
     if not any(c.causality == "output" for c in found_one):
@@ -148,19 +149,16 @@ def _first_campaign(
             f"{logs[0]}: no column looks like an output of {system}, which has {among(connectors)}; "
             f"the file has {among(found[0].log.names)}"
         )
+    usual = [c for n, c in connectors.items() if not defaults.logged or n in defaults.logged]
     matched = {g.connector for g in guesses}
-    wanted = [
-        Lacking(c, n in defaults.logged)
-        for n, c in connectors.items()
-        if n not in matched and (not defaults.logged or n in defaults.logged)
-    ]
-    files = [Path(os.path.relpath(log, folder)).as_posix() for log in logs]
+    wanted = [Lacking(c, c.name in defaults.logged) for c in usual if c.name not in matched]
     tolerances = {} if defaults.tolerances else usual_tolerances(file)
-    channels = {c.name: c for i in found for c in i.log.channels}
+    channels = list({c.name: c for i in found for c in i.log.channels}.values())
     unusable = {name: why for i in found for name, why in i.log.unusable.items()}
-    left = left_over(own, channels.values(), guesses, offered)
-    nominal = nominal_beside(own, guesses)
-    drafted = Columns(guesses, wanted, left, percent, unusable, nominal, starts(own, guesses))
+    guesses = with_only_place(guesses, every, left_over(own, channels, guesses, offered), channels)
+    left = left_over(own, channels, guesses, offered)
+    drafted = Columns(guesses, wanted, left, percent, unusable, nominal_beside(own, guesses), starts(own, guesses))
+    files = [Path(os.path.relpath(log, folder)).as_posix() for log in logs]
     entries = as_table(own, guesses, [i.log for i in found], Entry(files, given=given)) or one_each(files, given)
     title = logs[0].stem if len(logs) == 1 else logs[0].resolve().parent.name or logs[0].stem
     path.write_text(campaign_text(title, named, entries, drafted, tolerances), encoding="utf-8")

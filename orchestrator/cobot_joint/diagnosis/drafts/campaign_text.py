@@ -55,6 +55,7 @@ class Guess:
     connector: str
     why: str  # nothing: no guess, it has the connector's name and a unit
     scale: str = ""  # connector's unit per column's, where these do not convert
+    hold: bool = False  # whether its values hold until the next one
 
 
 @dataclass(frozen=True)
@@ -344,7 +345,8 @@ def _channels(columns: Columns) -> list[str]:
     lines = ["[channels]   # column -> connector of the system; look at every line that says guess"]
     for g in columns.guesses:
         why = f"   # guess: {g.why}" if g.why else ""
-        to = f"{{ to = {_quoted(g.connector)}, scale = {_quoted(g.scale)} }}" if g.scale else _quoted(g.connector)
+        more = ([f"scale = {_quoted(g.scale)}"] if g.scale else []) + (["hold = true"] if g.hold else [])
+        to = f"{{ {', '.join([f'to = {_quoted(g.connector)}', *more])} }}" if more else _quoted(g.connector)
         lines.append(f"{_quoted(header_of(g.column))} = {to}{why}")
     for c in (each.connector for each in columns.lacking):
         lines.append(f'# "COLUMN" = {_quoted(c.name)}   # {c.causality} [{c.unit or "1"}]: no column was found')

@@ -1,0 +1,78 @@
+"""Guesses that rest on more than a column's name and unit: on its samples, and on what else was logged."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cobot_joint.diagnosis.data.conditioning import quantisation_step
+from cobot_joint.diagnosis.data.formats import Channel
+from cobot_joint.diagnosis.data.recording import Connector
+from cobot_joint.diagnosis.drafts.campaign_text import Guess, guess, header_of
+from cobot_joint.diagnosis.drafts.current_drive import with_commanded_current
+from cobot_joint.system.model import System
+
+JUMPS, ALONE = 5, 0.8  # of stairs: so many at least, and so large a share of them with a rest on either side
+WIDE = 3.0  # converter's steps, that half of them are higher than: of what was measured slowly, they are as high as one
+SPEEDS, PLACES = ("rad/s", "m/s"), ("rad", "m")
+
+
+def guesses_of(
+    system: System, connectors: Mapping[str, Connector], logged: Iterable[str], logs: Sequence[Sequence[Channel]]
+) -> list[Guess]:
+    """For a system's own connectors, from the columns of the first log. logged: connectors that usually are."""
+    guesses = with_commanded_current(system, guess(logs[0], connectors, logged), logs[0])
+    return _with_held_values(guesses, connectors, logs)
+
+
+def _with_held_values(
+    guesses: Sequence[Guess], connectors: Mapping[str, Connector], logs: Iterable[Sequence[Channel]]
+) -> list[Guess]:
+    """Inputs that are stairs in some log hold their values: drawn as lines, they would rise before they were asked to.
+    logs: their columns."""
+    stairs = {c.name for columns in logs for c in columns if is_stairs(c.values)}
+    why = "its samples repeat, as values do that hold until the next one"
+    return [
+        replace(g, hold=True, why=f"{g.why}; {why}" if g.why else why)
+        if g.column.name in stairs and g.connector in connectors and connectors[g.connector].causality == "input"
+        else g
+        for g in guesses
+    ]
+
+
+def is_stairs(x: NDArray[np.float64]) -> bool:
+    """Whether a channel jumps from value to value and rests in between: (n,)"""
+    change = np.abs(np.diff(x[np.isfinite(x)]))
+    jumps = np.flatnonzero(change[1:-1]) + 1
+    if len(jumps) < JUMPS:
+        return False
+    alone = (change[jumps - 1] == 0) & (change[jumps + 1] == 0)
+    return bool(np.mean(alone) >= ALONE and np.median(change[jumps]) > WIDE * quantisation_step(x[np.isfinite(x)]))
+
+
+def with_only_place(
+    guesses: Sequence[Guess],
+    connectors: Mapping[str, Connector],
+    left: Mapping[str, Sequence[str]],
+    channels: Iterable[Channel],
+) -> list[Guess]:
+    """Where no motion was guessed, and one column can be the angle or way of one shaft alone: that. Without motion,
+    hardly a friction could be told. connectors: those of the system and of its components; left: column that is not
+    used -> what it could be."""
+    known = [connectors[g.connector].unit for g in guesses if g.connector in connectors]
+    if any(unit in (*SPEEDS, *PLACES) for unit in known):
+        return list(guesses)
+    shown = {
+        header: [n for n in fitting if connectors[n].causality == "output" and connectors[n].unit in PLACES]
+        for header, fitting in left.items()
+    }
+    found = [(header, names[0]) for header, names in shown.items() if len(names) == 1]
+    if len(found) != 1:
+        return list(guesses)
+    ((header, name),) = found
+    column = next((c for c in channels if header_of(c) == header), None)
+    why = "no speed was recorded, and nothing else can be this"
+    return [*guesses, *([Guess(column, name, why)] if column else [])]

@@ -1,0 +1,70 @@
+"""What a draft takes from samples, and from what else was logged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.orchestrator.diagnosis.typed import Done
+
+SAMPLES = 2000
+
+
+def drafted(tmp_path: Path, cobot_joint: Callable[..., Done], chain: str, columns: dict[str, np.ndarray]) -> list[str]:
+    """Lines of the [channels] of a draft over a log with these columns, at 100 Hz."""
+    assert cobot_joint("new", "--chain", chain, "--out", "machine").returncode == 0
+    rows = np.column_stack([10.0 * np.arange(SAMPLES), *columns.values()])
+    header = ",".join(["t [ms]", *columns])
+    np.savetxt(tmp_path / "log.csv", rows, fmt="%.6g", delimiter=",", header=header, comments="")
+    done = cobot_joint("inspect", "log.csv", "--system", "machine/system.ssd", "--out", "first")
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "first/campaign.toml").read_text()
+    return text.split("[channels]")[1].split("[tolerances]")[0].splitlines()
+
+
+def measured() -> dict[str, np.ndarray]:
+    t, rng = 0.01 * np.arange(SAMPLES), np.random.default_rng(1)
+    return {
+        "U [V]": np.repeat(rng.uniform(-6, 6, SAMPLES // 40), 40),
+        "I [A]": rng.normal(np.sin(t), 0.02),
+        "Angle [deg]": 400 * (1 - np.cos(t)),
+    }
+
+
+STAIRS = '"U [V]" = { to = "v_command", hold = true }   # guess: '
+LINES = '"U [V]" = "v_command"   # guess: '
+
+
+@pytest.mark.parametrize(("stairs", "drafted_as"), [(True, STAIRS), (False, LINES)])
+def test_an_input_in_stairs_is_drafted_to_hold_its_values(
+    tmp_path: Path, cobot_joint: Callable[..., Done], stairs: bool, drafted_as: str
+) -> None:
+    """A laboratory's motor with Stribeck friction was undecided at 30 %, its PWM voltage drawn as straight lines over
+    10 ms; with `hold` it is named, 87 % sure."""
+    smooth = {} if stairs else {"U [V]": 5 * np.sin(0.01 * np.arange(SAMPLES))}
+    lines = drafted(tmp_path, cobot_joint, "motor", measured() | smooth)
+    assert any(line.startswith(drafted_as) for line in lines)
+    assert sum("hold" in line for line in lines) == stairs
+
+
+@pytest.mark.parametrize(
+    ("chain", "more", "used"),
+    [
+        ("motor", {}, True),
+        ("motor", {"speed [rad/s]": 4 * np.sin(0.01 * np.arange(SAMPLES))}, False),
+        ("motor", {"Other [deg]": np.arange(SAMPLES) / 7}, False),
+        ("motor,gear,load", {}, False),
+    ],
+    ids=["no speed", "a speed beside it", "two angles", "several shafts"],
+)
+def test_an_angle_that_can_be_of_one_shaft_alone_is_drafted_where_no_speed_was_logged(
+    tmp_path: Path, cobot_joint: Callable[..., Done], chain: str, more: dict[str, np.ndarray], used: bool
+) -> None:
+    """It stood there as a comment, and the diagnosis was of a motor's current alone."""
+    lines = drafted(tmp_path, cobot_joint, chain, measured() | more)
+    (line,) = (line for line in lines if '"Angle [deg]"' in line)
+    assert line.startswith('"Angle [deg]" = "motor.phi"   # guess: no speed was recorded') == used
+    assert line.startswith("# ") != used

@@ -120,11 +120,11 @@ def _first_campaign(
         in_percent,
         left_over,
         one_each,
-        starts,
     )
     from cobot_joint.diagnosis.drafts.constant_speeds import as_table
     from cobot_joint.diagnosis.drafts.current_drive import nominal_beside, percent_of_drive
     from cobot_joint.diagnosis.drafts.more_guesses import guesses_of, with_only_place
+    from cobot_joint.diagnosis.drafts.starts import starts
     from cobot_joint.system.read import load_system
     from cobot_joint.system.wiring import driving, unwired
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cobot_joint.diagnosis.data.conditioning import begins_apart
 from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.diagnosis.data.quantity import convert, is_unit
 from cobot_joint.diagnosis.data.recording import Connector
@@ -84,7 +83,7 @@ class Columns:
     percent: Mapping[str, Rated] = field(default_factory=dict)  # column in % that is not used -> what it could be
     unusable: Mapping[str, str] = field(default_factory=dict)  # column -> why
     nominal: Mapping[str, float] = field(default_factory=dict)  # `component.parameter` -> value that follows from them
-    starts: Mapping[str, str] = field(default_factory=dict)  # `component.variable` -> the connector that shows it
+    starts: Mapping[str, str] = field(default_factory=dict)  # `component.variable` -> its start, in words
 
 
 @dataclass(frozen=True)
@@ -198,20 +197,6 @@ def names_a_part(name: str) -> bool:
     return bool(_own_words(name))
 
 
-def starts(system: System, guesses: Iterable[Guess]) -> dict[str, str]:
-    """`component.state` -> the connector that shows it, of displacements whose log begins elsewhere than at 0. Angles
-    are left out: those of parts that turn together begin together, or their springs are wound up."""
-    shown = shown_by(system)
-    found = {}
-    for g in guesses:
-        name = shown.get(g.connector, "")
-        component, _, variable = name.partition(".")
-        metres = bool(name) and system.component(component).unit.unit_of(variable) == "m"
-        if metres and begins_apart(g.column.values, 0.0) is not None:
-            found[name] = g.connector
-    return found
-
-
 def left_over(
     system: System, channels: Iterable[Channel], guesses: Sequence[Guess], offered: Iterable[Connector]
 ) -> dict[str, list[str]]:
@@ -310,7 +295,7 @@ def campaign_text(
         lines += [f"{_quoted(name)} = {value:g}" for name, value in columns.nominal.items()]
     if columns.starts:
         lines += ["", "[initial]   # guess: the simulation begins where the log does"]
-        lines += [f'{_quoted(name)} = "first sample of {shown}"' for name, shown in columns.starts.items()]
+        lines += [f"{_quoted(name)} = {_quoted(start)}" for name, start in columns.starts.items()]
     if tolerances:
         lines += ["", "[tolerances]   # how far a healthy parameter may be off; guess: the data sheet knows better"]
         lines += [_tolerance(name, tolerance) for name, tolerance in tolerances.items()]

@@ -7,16 +7,21 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+from scipy.signal import detrend
 
 from cobot_joint.diagnosis.data.conditioning import quantisation_step
 from cobot_joint.diagnosis.data.formats import Channel
+from cobot_joint.diagnosis.data.quantity import convert
 from cobot_joint.diagnosis.data.recording import Connector
-from cobot_joint.diagnosis.drafts.campaign_text import Guess, guess, header_of
+from cobot_joint.diagnosis.drafts.campaign_text import Guess, converts, guess, header_of
 from cobot_joint.diagnosis.drafts.current_drive import with_commanded_current
 from cobot_joint.system.model import System
+from cobot_joint.system.wiring import shown_by
 
 JUMPS, ALONE = 5, 0.8  # of stairs: so many at least, and so large a share of them with a rest on either side
 WIDE = 3.0  # converter's steps, that half of them are higher than: of what was measured slowly, they are as high as one
+RATE = 0.02  # by which a speed may differ from an angle's rate, and share that its integral may leave of the angle
 SPEEDS, PLACES = ("rad/s", "m/s"), ("rad", "m")
 
 
@@ -25,7 +30,47 @@ def guesses_of(
 ) -> list[Guess]:
     """For a system's own connectors, from the columns of the first log. logged: connectors that usually are."""
     guesses = with_commanded_current(system, guess(logs[0], connectors, logged), logs[0])
-    return _with_held_values(guesses, connectors, logs)
+    return _with_held_values(_of_one_shaft(system, guesses, connectors), connectors, logs)
+
+
+def _of_one_shaft(system: System, guesses: Sequence[Guess], connectors: Mapping[str, Connector]) -> list[Guess]:
+    """A speed that is the rate of a column that was guessed to be a shaft's angle is that shaft's."""
+    shown = shown_by(system)
+    owner = {name: shown[name].split(".")[0] for name in connectors if name in shown}
+    found = list(guesses)
+    for angle in (g for g in guesses if g.connector in owner and connectors[g.connector].unit in PLACES):
+        for k, speed in enumerate(found):
+            if connectors[speed.connector].unit not in SPEEDS or owner.get(speed.connector) == owner[angle.connector]:
+                continue
+            taken = {g.connector for g in found}
+            free = [n for n, c in connectors.items()
+                    if n not in taken and c.unit in SPEEDS and owner.get(n) == owner[angle.connector]]  # fmt: skip
+            if free and _is_rate_of(speed.column, angle.column):
+                why = f"it is the rate of {header_of(angle.column)!r}"
+                found[k] = replace(speed, connector=free[0], why=why)
+    return found
+
+
+def _is_rate_of(speed: Channel, angle: Channel) -> bool:
+    """Whether the angle is the speed's integral: their slope is 1, and what it leaves is little."""
+    t, w, phi = speed.time, *(_in_base_units(c) for c in (speed, angle))
+    if w is None or phi is None or len(t) < 2 or not np.all(np.isfinite(w)) or not np.all(np.isfinite(phi)):
+        return False
+    way = cumulative_trapezoid(w, t, initial=0.0)
+    phi = np.interp(t, angle.time, phi)
+    way, phi = detrend(way), detrend(phi)  # an offset of the speed is a slope of its integral
+    square = float(way @ way)
+    slope = float(way @ phi) / square if square > 0 else 0.0
+    left = float(np.sum((phi - way) ** 2))
+    return abs(slope - 1) < RATE and left < RATE * float(phi @ phi)
+
+
+def _in_base_units(column: Channel) -> NDArray[np.float64] | None:
+    """In rad, m or their rates; None: it has another unit, or none."""
+    for unit in (*SPEEDS, *PLACES):
+        if column.unit and converts(column.unit, unit):
+            return convert(column.values, column.unit, unit, column.name)[0]
+    return None
 
 
 def _with_held_values(

@@ -68,3 +68,24 @@ def test_an_angle_that_can_be_of_one_shaft_alone_is_drafted_where_no_speed_was_l
     (line,) = (line for line in lines if '"Angle [deg]"' in line)
     assert line.startswith('"Angle [deg]" = "motor.phi"   # guess: no speed was recorded') == used
     assert line.startswith("# ") != used
+
+
+@pytest.mark.parametrize(
+    ("rate", "connector", "said"),
+    [(1.0, "w_link", "it is the rate of 'q [deg]'"), (100.0, "w_motor", "the motor's, since a drive logs its own")],
+    ids=["of the arm", "of the motor"],
+)
+def test_a_speed_that_is_the_rate_of_a_logged_angle_is_that_shafts(
+    tmp_path: Path, cobot_joint: Callable[..., Done], rate: float, connector: str, said: str
+) -> None:
+    """A robot logs `actual_q`, `actual_qd`: the speed had been drafted as the motor's, a hundredth of what it does."""
+    t, rng = 0.01 * np.arange(SAMPLES), np.random.default_rng(2)
+    columns = {
+        "qd [deg/s]": rng.normal(rate * 40 * np.sin(t), 0.1 * rate),
+        "q [deg]": 30 + 40 * (1 - np.cos(t)),
+        "cmd [V]": 5 * np.sin(t),
+    }
+    lines = drafted(tmp_path, cobot_joint, "motor,gear,link", columns)
+    (line,) = (line for line in lines if '"qd [deg/s]"' in line)
+    assert line.startswith(f'"qd [deg/s]" = "{connector}"   # guess: {said}')
+    assert any(line.startswith('"q [deg]" = "phi_link"') for line in lines)

@@ -1,0 +1,62 @@
+"""Where drafted simulations begin."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cobot_joint.cosim import Experiment, Simulation
+from cobot_joint.diagnosis.data.formats import Channel
+from cobot_joint.diagnosis.drafts.campaign_text import Guess
+from cobot_joint.diagnosis.drafts.chain import chain, with_data_sheet
+from cobot_joint.diagnosis.drafts.starts import starts
+from cobot_joint.system.model import Inputs, System
+
+ARM = {"gear.N": "50", "gear.mesh.b": "0", "link.m": "2 kg", "link.r": "0.3 m"}
+
+
+def arm(*, gravity: bool = True) -> System:
+    sheet = ARM if gravity else ARM | {"link.m": "0 kg"}
+    return with_data_sheet(chain(["motor", "gear", "link"]), sheet).system
+
+
+def logged(connector: str, first: float, unit: str = "rad") -> Guess:
+    t = 0.01 * np.arange(200)
+    return Guess(Channel("q", unit, t, first + 0.2 * (1 - np.cos(t))), connector, "")
+
+
+def test_all_that_turns_with_an_arm_begins_where_its_log_does() -> None:
+    """It had begun hanging down, at 0, whatever the arm's log said, and gravity pulled at another place."""
+    found = starts(arm(), [logged("phi_link", 0.8)])
+    of_arm = "first sample of phi_link"
+    assert found == {"link.phi_p": of_arm, "gear.phi_o": of_arm, "motor.phi": f"{of_arm} * 50"}
+
+
+def test_of_a_motors_angle_the_shafts_behind_the_gear_have_their_part() -> None:
+    found = starts(arm(), [logged("motor.phi", 40.0)])
+    of_motor = "first sample of motor.phi"
+    assert found == {"motor.phi": of_motor, "gear.phi_o": f"{of_motor} * 0.02", "link.phi_p": f"{of_motor} * 0.02"}
+
+
+def test_a_log_that_begins_at_nought_and_two_angles_of_which_nobody_knows_the_zero_say_nothing() -> None:
+    assert starts(arm(), [logged("phi_link", 0.0)]) == {}
+    assert starts(arm(), [logged("phi_link", 0.8), logged("motor.phi", 3.0)]) == {}
+
+
+def test_a_screws_way_begins_where_its_log_does() -> None:
+    assert starts(chain(["motor", "screw"]).system, [logged("s", 0.05, "m")]) == {"screw.s": "first sample of s"}
+
+
+def test_no_spring_is_wound_up_where_a_drafted_simulation_begins() -> None:
+    """Without gravity and drive, nothing moves; from the arm's angle alone the shaft would throw it back."""
+    system = arm(gravity=False)
+    drafted = {name: 0.8 * float(start.partition(" * ")[2] or 1) for name, start in
+               starts(system, [logged("phi_link", 0.8)]).items()}  # fmt: skip
+    ends = []
+    for given in (drafted, {"link.phi_p": 0.8}):
+        with Simulation(system) as simulation:
+            record = ["link.phi_p", "motor.phi"]
+            run = simulation.run(Experiment(Inputs(np.zeros(1)), 0.5, parameters=given, record=record)).signals
+        ends.append(float(np.ptp(run["link.phi_p"])))
+    assert ends[0] == pytest.approx(0.0, abs=1e-9)
+    assert ends[1] > 0.1

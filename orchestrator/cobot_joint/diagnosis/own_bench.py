@@ -267,7 +267,7 @@ def _shaft(made: Chain, given: Collection[str]) -> list[str]:
     if "shaft" not in names or {"shaft.c_s", "shaft.d_s"} <= {*given}:
         return []
     k, spring = names.index("shaft"), made.system.component("shaft").parameters
-    inertias = [_inertia(made.system.component(names[j])) for j in (k - 1, k + 1)]
+    inertias = [math.inf if names[j] == "motion" else _inertia(made.system.component(names[j])) for j in (k - 1, k + 1)]
     c_s, d_s = spring["shaft.c_s"], spring["shaft.d_s"]
     if "shaft.c_s" in given:
         critical = _critical(c_s, *inertias) if all(J > 0 for J in inertias) else math.nan
@@ -317,13 +317,13 @@ def _inertia(component: Component) -> float:
 def _as_good_as_rigid(a: float, b: float) -> tuple[float, float]:
     """Stiffness and damping of a shaft on which the larger of two inertias would ring at RIGID, and the two against
     each other with 0.7 of critical damping."""
-    c = max(a, b) * (2 * math.pi * RIGID) ** 2
+    c = max(filter(math.isfinite, (a, b))) * (2 * math.pi * RIGID) ** 2
     return c, 0.7 * _critical(c, a, b)
 
 
 def _critical(c: float, a: float, b: float) -> float:
-    """Critical damping of two inertias against each other, 2 sqrt(c J)."""
-    return 2 * math.sqrt(c * a * b / (a + b))
+    """Critical damping of two inertias against each other, 2 sqrt(c J); one may be infinite, recorded motion."""
+    return 2 * math.sqrt(c / (1 / a + 1 / b))
 
 
 def _commanded(made: Chain, given: Collection[str]) -> list[str]:

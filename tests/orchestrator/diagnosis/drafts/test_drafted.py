@@ -29,6 +29,17 @@ def test_a_load_that_would_ring_behind_recorded_motion_is_said_with_what_to_set(
     )
 
 
+def test_behind_recorded_motion_a_shaft_that_hardly_gives_is_one_on_which_the_load_rings_at_100_hz(
+    cobot_joint: Callable[..., Done],
+) -> None:
+    """c = J (2 pi 100 Hz)^2, 0.7 of critical damping. The assumed shaft let a hub motor's rotor ring at 11 Hz, and its
+    cogging of order 42 was undecided."""
+    done = cobot_joint("new", "--chain", "motion,load", "--set", "load.J=4.1e-3", "--out", "dyno")
+    c = 4.1e-3 * (2 * np.pi * 100) ** 2
+    stiff = f"--set shaft.c_s={c:.3g} --set shaft.d_s={0.7 * 2 * np.sqrt(c * 4.1e-3):.3g}"
+    assert stiff in " ".join(done.stdout.split())
+
+
 def test_friction_that_is_zero_in_the_system_stands_in_a_draft_to_be_given_a_range(
     tmp_path: Path, cobot_joint: Callable[..., Done]
 ) -> None:

@@ -122,6 +122,7 @@ def look_at_ports(
     that takes nearly all is an answer. units: whose ports are asked; None: every one's. needed: share below which an
     answer changes nothing: what all forms there are predicted to take less than is not fitted."""
     answer = partial(_answer, problem, start, selected)
+    say("asking every port for forms")
     places = pointed_to(problem, start, least, units)
     if not places:
         return _over_motion(problem, start, answer, say, needed)

@@ -143,7 +143,7 @@ def _first_campaign(
     columns = found[0].log.channels
     guesses = guesses_of(own, connectors, defaults.logged, [i.log.channels for i in found])
     percent = percent_of_drive(own, guesses, columns, in_percent(columns, guesses, connectors.values()))
-    found_one = [connectors[g.connector] for g in guesses] + [rated.connector for rated in percent.values()]
+    found_one = [every[g.connector] for g in guesses] + [rated.connector for rated in percent.values()]
     if not any(c.causality == "output" for c in found_one):
         raise UserError(
             f"{logs[0]}: no column looks like an output of {system}, which has {among(connectors)}; "

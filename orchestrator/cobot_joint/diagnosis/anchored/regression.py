@@ -173,12 +173,15 @@ class Regression:
         return own - its
 
     def _own(self, more: Products) -> Array | None:
-        """What of the columns' products no other column can stand in for; None: nothing but rounding."""
+        """What of the columns' products no other column can stand in for; None: nothing but rounding, or one of them
+        stands in for another: a wave's sine and cosine, over an angle that rests."""
         total, across = more.gram.sum(axis=0), more.cross.sum(axis=0)
         own = total - across.T @ self.covariance @ across
         if np.min(np.diag(total)) <= 0 or np.min(np.diag(own) / np.diag(total)) <= OWN:
             return None
-        return np.asarray((own + own.T) / 2)
+        scale = 1 / np.sqrt(np.diag(own))
+        alone = float(np.linalg.eigvalsh((own + own.T) / 2 * scale * scale[:, None])[0])
+        return np.asarray((own + own.T) / 2) if alone > OWN else None
 
     def _precision(self, variances: Array, more: int, prior: Array | None = None) -> Array:
         of_groups = np.repeat(1 / np.maximum(variances, SMALLEST), self.groups)

@@ -25,9 +25,9 @@ from cobot_joint.diagnosis.data.campaign_file import (
     Values,
 )
 from cobot_joint.diagnosis.data.check import check
-from cobot_joint.diagnosis.data.conditioning import smoothed
+from cobot_joint.diagnosis.data.conditioning import smoothed, with_place
 from cobot_joint.diagnosis.data.formats import nearest
-from cobot_joint.diagnosis.data.parameters import imposed, moving_starts, run_values, with_values
+from cobot_joint.diagnosis.data.parameters import imposed, moving_starts, place_of, run_values, with_values
 from cobot_joint.diagnosis.data.recording import Column, Connector, Recording, Role, read_recording
 from cobot_joint.diagnosis.data.suspicion import Suspicion, without_faults
 from cobot_joint.diagnosis.data.tables import read_table
@@ -164,6 +164,13 @@ def _take_motion(recording: Recording, system: System) -> None:
         recording.inputs[name], width = smoothed(recording.inputs[name])
         if width > 1:
             recording.notes.append(f"{name}: recorded motion is an input, and smoothed over {width} samples")
+        place = place_of(system, name)
+        if place in recording.outputs:
+            recording.inputs[name], off = with_place(
+                recording.inputs[name], recording.outputs.pop(place), recording.step
+            )
+            said = f"from whose rate it was {off:.3g} {recording.units[name]} off (rms): what drives is not compared"
+            recording.notes.append(f"{name}: its integral follows {place}, of the same shaft, {said}")
     starts = {n: w for n, w in moving_starts(system, recording.inputs).items() if n not in recording.initial}
     recording.initial |= starts
     if starts:

@@ -8,6 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 from scipy.linalg import toeplitz
 from scipy.optimize import brentq
 from scipy.signal import savgol_filter
@@ -26,6 +27,7 @@ QUIETEST = (
 WIDTHS = (9, 17, 33, 65, 129)  # samples of a smoother's window
 BESIDE = 2  # samples on either side, by which noise may be correlated
 CUBIC = 3
+OWN = 0.5  # s, over which a speed knows better than a position how quick a shaft is
 APART, CLEARLY = 0.05, 100.0  # of what a position goes through, or times its noise, by which it begins elsewhere
 RAIL = 10  # samples in a row at an extreme from which the channel counts as saturated: noise would move them
 
@@ -220,6 +222,18 @@ def smoothed(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
     if best in (1, WIDTHS[0]):  # nothing is gained by a wider one: it is motion
         return x, 1
     return savgol_filter(x, best, CUBIC), best
+
+
+def with_place(w: NDArray[np.float64], phi: NDArray[np.float64], step: float) -> tuple[NDArray[np.float64], float]:
+    """A speed, (n,), whose integral does not leave the position that was recorded of the same shaft, (n,), NaN where it
+    was not, and by how much it was off (rms): quicker than OWN it is as recorded, slower the position's rate."""
+    known = np.isfinite(phi)
+    off = np.interp(np.arange(len(phi)), np.flatnonzero(known), phi[known]) - cumulative_trapezoid(
+        w, dx=step, initial=0
+    )
+    width = min(max(round(OWN / step), 2 * CUBIC), len(w) // 2) // 2 * 2 + 1
+    correction = savgol_filter(off, width, CUBIC, deriv=1, delta=step) if width > CUBIC else np.zeros_like(w)
+    return w + correction, float(np.sqrt(np.mean(correction**2)))
 
 
 def _left_out(x: NDArray[np.float64], n: int) -> float:

@@ -17,6 +17,7 @@ from cobot_joint.system.parameters import checked, split
 from cobot_joint.units import Unit
 
 IMPOSED = "w_imposed"  # input of a unit whose motion is recorded
+PLACE = "phi"  # output of such a unit: where it is
 STILL = 0.01  # of the largest speed in a recording, up to which it begins at rest
 QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*")  # "9 uN.m.s/rad"
 COMMA = re.compile(r"\s*[-+]?\d+,\d")
@@ -71,6 +72,14 @@ def imposed(system: System, inputs: Mapping[str, NDArray[np.float64]]) -> list[s
     """Those of the system's inputs that are recorded motion."""
     wires = [w for w in system.connections if w.source_component is None and w.sink == IMPOSED]
     return [name for name in dict.fromkeys(w.source for w in wires) if name in inputs]
+
+
+def place_of(system: System, name: str) -> str:
+    """The position, `component.variable`, of the shaft that an input of the system moves; "": its unit shows none."""
+    wire = next(w for w in system.connections if (w.source_component, w.source, w.sink) == (None, name, IMPOSED))
+    assert wire.sink_component is not None
+    unit = system.component(wire.sink_component).unit
+    return f"{wire.sink_component}.{PLACE}" if PLACE in unit.variables else ""
 
 
 def moving_starts(system: System, inputs: Mapping[str, NDArray[np.float64]]) -> dict[str, float]:

@@ -12,6 +12,7 @@ from scipy.signal import detrend
 
 from cobot_joint.diagnosis.data.conditioning import quantisation_step
 from cobot_joint.diagnosis.data.formats import Channel
+from cobot_joint.diagnosis.data.parameters import imposed, place_of
 from cobot_joint.diagnosis.data.quantity import convert
 from cobot_joint.diagnosis.data.recording import Connector
 from cobot_joint.diagnosis.drafts.campaign_text import Guess, converts, guess, header_of
@@ -22,6 +23,7 @@ from cobot_joint.system.wiring import shown_by
 JUMPS, ALONE = 5, 0.8  # of stairs: so many at least, and so large a share of them with a rest on either side
 WIDE = 3.0  # converter's steps, that half of them are higher than: of what was measured slowly, they are as high as one
 RATE = 0.02  # by which a speed may differ from an angle's rate, and share that its integral may leave of the angle
+NOTHING = np.zeros(0)
 SPEEDS, PLACES = ("rad/s", "m/s"), ("rad", "m")
 
 
@@ -30,7 +32,31 @@ def guesses_of(
 ) -> list[Guess]:
     """For a system's own connectors, from the columns of the first log. logged: connectors that usually are."""
     guesses = with_commanded_current(system, guess(logs[0], connectors, logged), logs[0])
+    guesses += _driving(guesses, connectors, logs[0])
+    guesses = _of_driven_shaft(system, guesses, logs[0])
     return _with_held_values(_of_one_shaft(system, guesses, connectors), connectors, logs)
+
+
+def _driving(guesses: Sequence[Guess], connectors: Mapping[str, Connector], columns: Sequence[Channel]) -> list[Guess]:
+    """The one column that can be the system's one input, where that has none: motion in, torque out."""
+    inputs = [c for c in connectors.values() if c.causality == "input" and c.unit]
+    used = {g.column.name for g in guesses}
+    if len(inputs) != 1 or inputs[0].name in {g.connector for g in guesses}:
+        return []
+    fitting = [c for c in columns if c.unit and c.name not in used and converts(c.unit, inputs[0].unit)]
+    return [Guess(c, inputs[0].name, "nothing else can drive the system") for c in fitting if len(fitting) == 1]
+
+
+def _of_driven_shaft(system: System, guesses: Sequence[Guess], columns: Sequence[Channel]) -> list[Guess]:
+    """A position of which the column that moves the system is the rate is that of the shaft that it moves."""
+    found = list(guesses)
+    for motion in (g for g in guesses if g.connector in imposed(system, {h.connector: NOTHING for h in guesses})):
+        place = place_of(system, motion.connector)
+        angle = next((c for c in columns if place and c is not motion.column and _is_rate_of(motion.column, c)), None)
+        if angle is not None:
+            found = [g for g in found if g.column.name != angle.name]
+            found.append(Guess(angle, place, f"{header_of(motion.column)!r}, which moves it, is its rate"))
+    return found
 
 
 def _of_one_shaft(system: System, guesses: Sequence[Guess], connectors: Mapping[str, Connector]) -> list[Guess]:
@@ -40,7 +66,8 @@ def _of_one_shaft(system: System, guesses: Sequence[Guess], connectors: Mapping[
     found = list(guesses)
     for angle in (g for g in guesses if g.connector in owner and connectors[g.connector].unit in PLACES):
         for k, speed in enumerate(found):
-            if connectors[speed.connector].unit not in SPEEDS or owner.get(speed.connector) == owner[angle.connector]:
+            is_other = owner.get(speed.connector) not in (None, owner[angle.connector])
+            if not is_other or connectors[speed.connector].unit not in SPEEDS:
                 continue
             taken = {g.connector for g in found}
             free = [n for n, c in connectors.items()

@@ -184,3 +184,15 @@ def test_a_parameter_beyond_a_bound_predicts_what_the_dense_gaussians_given_the_
         held = given_the_others(np.array([1]), e - bound * known[:, 0], rows)
         assert predicted == pytest.approx(free - held, abs=1e-3)
         assert predicted != 0
+
+
+def test_a_wave_over_an_angle_that_rests_says_nothing(rng: np.random.Generator) -> None:
+    """Its sine and cosine are one column, and the diagnosis ended in a traceback: "Singular matrix"."""
+    known, smooth, x = drawn(rng)
+    e = rng.normal(size=ROWS)
+    found = regression(known, smooth, e)
+    still = products(known, smooth, np.outer(np.sin(3 * x), [np.sin(0.6), np.cos(0.6)]), e)
+    assert found.gain(still) == 0.0
+    assert found.added(still) is None
+    turning = products(known, smooth, np.column_stack([np.sin(3 * x), np.cos(3 * x)]), e)
+    assert found.gain(turning) > 0.0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cobot_joint.diagnosis.data.campaign import load_campaign
-from cobot_joint.diagnosis.data.conditioning import smoothed
+from cobot_joint.diagnosis.data.conditioning import smoothed, with_place
 from cobot_joint.diagnosis.data.parameters import imposed, moving_starts
 from cobot_joint.diagnosis.drafts.chain import chain, with_data_sheet
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
@@ -87,3 +87,34 @@ def test_a_speed_without_noise_that_a_cubic_follows_or_that_is_all_motion_is_lef
 def test_only_inputs_that_are_motion_are_smoothed() -> None:
     assert imposed(chain(["motion", "sensor", "load"]).system, {"w": T, "x": T}) == ["w"]
     assert imposed(chain(["motor", "load"]).system, {"v_command": T}) == []
+
+
+def test_the_integral_of_a_recorded_speed_follows_the_position_of_its_shaft() -> None:
+    """A speed's offset and noise add up: an arm's angle, known to 7.5e-6 rad, was 40 times that off, and nothing that
+    acts on a machine could have explained it."""
+    rng, truth = np.random.default_rng(3), np.sin(2 * np.pi * 0.3 * T)
+    phi = (1 - np.cos(2 * np.pi * 0.3 * T)) / (2 * np.pi * 0.3) + 0.7
+    w = truth + 0.01 + rng.normal(0, 0.02, len(T))
+    read = phi + rng.normal(0, 1e-5, len(T))
+    read[200:230] = np.nan  # not recorded
+    step = float(T[1] - T[0])
+    found, off = with_place(w, read, step)
+    way = 0.7 + np.concatenate([[0.0], np.cumsum((found[1:] + found[:-1]) / 2 * step)])
+    drifted = 0.7 + np.concatenate([[0.0], np.cumsum((w[1:] + w[:-1]) / 2 * step)])
+    assert np.abs(way - way[0] - (phi - phi[0])).max() < 0.1 * np.abs(drifted - phi).max()
+    assert off == pytest.approx(0.01, rel=0.3)
+    assert np.std(found - truth) < 1.1 * np.std(w - truth)
+
+
+def test_the_position_of_the_shaft_that_recorded_motion_drives_is_not_compared(tmp_path: Path) -> None:
+    system = with_data_sheet(chain(["motion", "sensor", "load"]), {"load.J": "0.05 kg.m2"}).system
+    write_ssp(system, tmp_path / "axis.ssp")
+    rows = np.column_stack([T, 2 * np.cos(T) + 0.05, 2 * np.sin(T), -0.1 * np.sin(T)])
+    head = "time [s],w [rad/s],q [rad],tau_sensor [N.m]"
+    np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header=head, comments="")
+    own = 'system = "axis.ssp"\n[channels]\nw = "w"\nq = "motion.phi"\ntau_sensor = "tau_sensor"\n'
+    (tmp_path / "campaign.toml").write_text(own + '[[recording]]\nfile = "run.csv"\n')
+    (recording,) = load_campaign(tmp_path / "campaign.toml").recordings
+    assert list(recording.outputs) == ["tau_sensor"]
+    assert recording.inputs["w"][100:-100] == pytest.approx(2 * np.cos(T[100:-100]), abs=2e-3)
+    assert any("its integral follows motion.phi" in note and "0.05 rad/s off" in note for note in recording.notes)

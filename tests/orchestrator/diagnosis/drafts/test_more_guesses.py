@@ -89,3 +89,19 @@ def test_a_speed_that_is_the_rate_of_a_logged_angle_is_that_shafts(
     (line,) = (line for line in lines if '"qd [deg/s]"' in line)
     assert line.startswith(f'"qd [deg/s]" = "{connector}"   # guess: {said}')
     assert any(line.startswith('"q [deg]" = "phi_link"') for line in lines)
+
+
+def test_motion_that_was_recorded_as_angle_and_speed_drives_and_is_where_it_is(
+    tmp_path: Path, cobot_joint: Callable[..., Done]
+) -> None:
+    """The speed had no line, and nothing drove the system."""
+    t, rng = 0.01 * np.arange(SAMPLES), np.random.default_rng(2)
+    columns = {
+        "q [rad]": 0.6 + 0.7 * (1 - np.cos(t)),
+        "qd [rad/s]": rng.normal(0.7 * np.sin(t), 2e-3),
+        "torque [N.m]": rng.normal(5 * np.sign(np.sin(t)), 0.1),
+    }
+    lines = drafted(tmp_path, cobot_joint, "motion,link", columns)
+    assert any(line.startswith('"qd [rad/s]" = "w"   # guess: nothing else can drive the system') for line in lines)
+    assert any(line.startswith('"q [rad]" = "motion.phi"   # guess: ') for line in lines)
+    assert '"link.phi_p" = "first sample of motion.phi"' in lines

@@ -165,10 +165,11 @@ def _take_motion(recording: Recording, system: System) -> None:
         if width > 1:
             recording.notes.append(f"{name}: recorded motion is an input, and smoothed over {width} samples")
         place = place_of(system, name)
-        if place in recording.outputs:
-            recording.inputs[name], off = with_place(
-                recording.inputs[name], recording.outputs.pop(place), recording.step
-            )
+        recorded = recording.outputs.get(place)
+        found = None if recorded is None else with_place(recording.inputs[name], recorded, recording.step)
+        if found is not None:
+            recording.inputs[name], off = found
+            del recording.outputs[place]
             said = f"from whose rate it was {off:.3g} {recording.units[name]} off (rms): what drives is not compared"
             recording.notes.append(f"{name}: its integral follows {place}, of the same shaft, {said}")
     starts = {n: w for n, w in moving_starts(system, recording.inputs).items() if n not in recording.initial}

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.linalg import toeplitz
 from scipy.optimize import brentq
-from scipy.signal import savgol_filter
+from scipy.signal import detrend, savgol_filter
 
 from cobot_joint.diagnosis.data.recording import Recording
 
@@ -28,6 +28,7 @@ WIDTHS = (9, 17, 33, 65, 129)  # samples of a smoother's window
 BESIDE = 2  # samples on either side, by which noise may be correlated
 CUBIC = 3
 OWN = 0.5  # s, over which a speed knows better than a position how quick a shaft is
+RATE = 0.02  # by which a speed may differ from a position's rate, and share that its integral may leave of it
 APART, CLEARLY = 0.05, 100.0  # of what a position goes through, or times its noise, by which it begins elsewhere
 RAIL = 10  # samples in a row at an extreme from which the channel counts as saturated: noise would move them
 
@@ -224,15 +225,32 @@ def smoothed(x: NDArray[np.float64]) -> tuple[NDArray[np.float64], int]:
     return savgol_filter(x, best, CUBIC), best
 
 
-def with_place(w: NDArray[np.float64], phi: NDArray[np.float64], step: float) -> tuple[NDArray[np.float64], float]:
+def is_rate(w: NDArray[np.float64], phi: NDArray[np.float64], t: NDArray[np.float64]) -> bool:
+    """Whether a position is a speed's integral, (n,) each: their slope is 1, and what it leaves is little. A line is
+    left out: an offset of the speed."""
+    if len(t) < 2 or not all(np.all(np.isfinite(x)) for x in (w, phi, t)):
+        return False
+    way, place = detrend(cumulative_trapezoid(w, t, initial=0.0)), detrend(phi)
+    square = float(way @ way)
+    slope = float(way @ place) / square if square > 0 else 0.0
+    return abs(slope - 1) < RATE and float(np.sum((place - way) ** 2)) < RATE * float(place @ place)
+
+
+def with_place(
+    w: NDArray[np.float64], phi: NDArray[np.float64], step: float
+) -> tuple[NDArray[np.float64], float] | None:
     """A speed, (n,), whose integral does not leave the position that was recorded of the same shaft, (n,), NaN where it
-    was not, and by how much it was off (rms): quicker than OWN it is as recorded, slower the position's rate."""
-    known = np.isfinite(phi)
-    off = np.interp(np.arange(len(phi)), np.flatnonzero(known), phi[known]) - cumulative_trapezoid(
-        w, dx=step, initial=0
-    )
+    was not, and by how much it was off (rms): quicker than OWN it is as recorded, slower the position's rate. None: the
+    position is not its integral, in this unit and direction."""
+    at, known = np.arange(len(phi)), np.flatnonzero(np.isfinite(phi))
     width = min(max(round(OWN / step), 2 * CUBIC), len(w) // 2) // 2 * 2 + 1
-    correction = savgol_filter(off, width, CUBIC, deriv=1, delta=step) if width > CUBIC else np.zeros_like(w)
+    if width <= CUBIC or not len(known):
+        return None
+    place = np.interp(at, known, phi[known])
+    if not is_rate(w, place, step * at.astype(float)):
+        return None
+    off = place - cumulative_trapezoid(w, dx=step, initial=0)
+    correction = savgol_filter(off, width, CUBIC, deriv=1, delta=step)
     return w + correction, float(np.sqrt(np.mean(correction**2)))
 
 

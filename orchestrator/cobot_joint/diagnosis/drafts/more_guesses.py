@@ -7,10 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
-from scipy.signal import detrend
 
-from cobot_joint.diagnosis.data.conditioning import quantisation_step
+from cobot_joint.diagnosis.data.conditioning import is_rate, quantisation_step
 from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.diagnosis.data.parameters import imposed, place_of
 from cobot_joint.diagnosis.data.quantity import convert
@@ -22,7 +20,6 @@ from cobot_joint.system.wiring import shown_by
 
 JUMPS, ALONE = 5, 0.8  # of stairs: so many at least, and so large a share of them with a rest on either side
 WIDE = 3.0  # converter's steps, that half of them are higher than: of what was measured slowly, they are as high as one
-RATE = 0.02  # by which a speed may differ from an angle's rate, and share that its integral may leave of the angle
 NOTHING = np.zeros(0)
 SPEEDS, PLACES = ("rad/s", "m/s"), ("rad", "m")
 
@@ -79,17 +76,9 @@ def _of_one_shaft(system: System, guesses: Sequence[Guess], connectors: Mapping[
 
 
 def _is_rate_of(speed: Channel, angle: Channel) -> bool:
-    """Whether the angle is the speed's integral: their slope is 1, and what it leaves is little."""
-    t, w, phi = speed.time, *(_in_base_units(c) for c in (speed, angle))
-    if w is None or phi is None or len(t) < 2 or not np.all(np.isfinite(w)) or not np.all(np.isfinite(phi)):
-        return False
-    way = cumulative_trapezoid(w, t, initial=0.0)
-    phi = np.interp(t, angle.time, phi)
-    way, phi = detrend(way), detrend(phi)  # an offset of the speed is a slope of its integral
-    square = float(way @ way)
-    slope = float(way @ phi) / square if square > 0 else 0.0
-    left = float(np.sum((phi - way) ** 2))
-    return abs(slope - 1) < RATE and left < RATE * float(phi @ phi)
+    """Whether the angle is the speed's integral."""
+    w, phi = (_in_base_units(c) for c in (speed, angle))
+    return w is not None and phi is not None and is_rate(w, np.interp(speed.time, angle.time, phi), speed.time)
 
 
 def _in_base_units(column: Channel) -> NDArray[np.float64] | None:

@@ -98,7 +98,9 @@ def test_the_integral_of_a_recorded_speed_follows_the_position_of_its_shaft() ->
     read = phi + rng.normal(0, 1e-5, len(T))
     read[200:230] = np.nan  # not recorded
     step = float(T[1] - T[0])
-    found, off = with_place(w, read, step)
+    both = with_place(w, read, step)
+    assert both is not None
+    found, off = both
     way = 0.7 + np.concatenate([[0.0], np.cumsum((found[1:] + found[:-1]) / 2 * step)])
     drifted = 0.7 + np.concatenate([[0.0], np.cumsum((w[1:] + w[:-1]) / 2 * step)])
     assert np.abs(way - way[0] - (phi - phi[0])).max() < 0.1 * np.abs(drifted - phi).max()
@@ -118,3 +120,13 @@ def test_the_position_of_the_shaft_that_recorded_motion_drives_is_not_compared(t
     assert list(recording.outputs) == ["tau_sensor"]
     assert recording.inputs["w"][100:-100] == pytest.approx(2 * np.cos(T[100:-100]), abs=2e-3)
     assert any("its integral follows motion.phi" in note and "0.05 rad/s off" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize(
+    "read",
+    [np.rad2deg(np.sin(T)), -np.sin(T), np.cos(3 * T), np.full(len(T), np.nan), np.zeros(len(T))],
+    ids=["in degrees", "inverted", "of another shaft", "not recorded", "at rest"],
+)
+def test_a_position_that_is_not_the_speeds_integral_stays_to_be_compared(read: np.ndarray) -> None:
+    """Else a wrong unit or sign would be believed, and the speed bent to it."""
+    assert with_place(np.cos(T), read, float(T[1] - T[0])) is None

@@ -197,12 +197,14 @@ def prewhitened(problem: Blocks, residual: Vector) -> Vector:
     Syst. Signal Process. 21(6)). residual: (rows,)"""
     found = np.zeros_like(residual)
     for b in problem.blocks:
-        x = residual[b.rows] - np.mean(residual[b.rows])
+        x = residual[b.rows]
+        if len(x) <= LAST or np.ptp(x) == 0:
+            continue  # as the rows of a table
+        x = (x - np.mean(x)) / np.ptp(x)
         r = np.array([x[: len(x) - k] @ x[k:] for k in range(LAST + 1)])
         r[0] *= 1 + RIDGE
-        if r[0] > 0:
-            e = lfilter([1.0, *-solve_toeplitz(r[:-1], r[1:])], [1.0], x)
-            found[b.rows] = e / np.std(e)
+        e = lfilter([1.0, *-solve_toeplitz(r[:-1], r[1:])], [1.0], x)
+        found[b.rows] = e / np.std(e)
     return found
 
 

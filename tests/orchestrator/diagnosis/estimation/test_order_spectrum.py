@@ -161,6 +161,19 @@ def test_a_wave_beside_a_drift_of_a_thousand_times_its_power_is_clear_once_the_d
     assert white == [84.0] * bool(amplitude)
 
 
-def test_a_channel_without_samples_or_of_one_value_stays_nought() -> None:
-    problem: Any = SimpleNamespace(blocks=[SimpleNamespace(recording=0, rows=slice(0, 600))])
-    assert not prewhitened(problem, np.full(600, 3.0)).any()
+@pytest.mark.parametrize(
+    "residual",
+    [np.full(600, 3.0), np.arange(5.0), np.zeros(0)],
+    ids=["of one value", "as few rows as a table has", "of none"],
+)
+def test_of_what_cannot_be_predicted_nothing_is_prewhitened(residual: np.ndarray) -> None:
+    problem: Any = SimpleNamespace(blocks=[SimpleNamespace(recording=0, rows=slice(0, len(residual)))])
+    assert not prewhitened(problem, residual).any()
+
+
+@pytest.mark.parametrize("size", [1e-200, 1.0, 1e8])
+def test_what_is_predicted_without_error_is_prewhitened_to_numbers(size: float) -> None:
+    t = np.arange(5000) * 1e-3
+    problem: Any = SimpleNamespace(blocks=[SimpleNamespace(recording=0, rows=slice(0, len(t)))])
+    for x in (np.sin(t), np.sin(40 * t), np.exp(-t), t, np.where(t > 2, 1.0, 0.0)):
+        assert np.std(prewhitened(problem, size * x)) == pytest.approx(1.0, rel=0.05)

@@ -128,6 +128,18 @@ def test_a_table_that_is_none_is_refused_in_one_line(tmp_path: Path, text: str, 
         read_amplitudes(tmp_path / "table.csv")
 
 
+@pytest.mark.parametrize(
+    ("line", "told"), [("onsets = false", "onsets"), ("scan = { 'motor_bldc.stribeck.w_S' = [1, 2] }", "scan")]
+)
+def test_what_is_for_recordings_in_time_is_refused_beside_a_frequency_response(
+    root: Path, tmp_path: Path, line: str, told: str
+) -> None:
+    given = (root / "proof" / "real" / "thesis_table_c1" / "campaign.toml").read_text()
+    (tmp_path / "campaign.toml").write_text(f"{line}\n{given}")
+    with pytest.raises(UserError, match=rf"{told}\]? is given, it is for recordings in time"):
+        load_response(tmp_path / "campaign.toml")
+
+
 def test_the_committed_answer_brings_table_c1_below_2_percent(root: Path) -> None:
     folder = root / "proof" / "real" / "thesis_table_c1"
     response = load_response(folder)

@@ -70,6 +70,8 @@ def load_response(path: Path) -> Response:
     assert given.frequency_response is not None
     if len(given.recording) != 1:
         raise UserError(f"{path}: {len(given.recording)} [[recording]] are given, one table is allowed")
+    if given.scan or not given.onsets:
+        raise UserError(f"{path}: {'[scan]' if given.scan else 'onsets'} is given, it is for recordings in time")
     file = path.parent / given.system if given.system.endswith((".ssd", ".ssp")) else given.system
     system = with_values({"default": load_system(file)}, given.parameters, f"{path}: [parameters]")["default"]
     check(str(path), given, {"default": system}, {"default": system_connectors(find_system(file))})

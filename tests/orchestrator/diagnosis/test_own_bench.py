@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -341,14 +342,14 @@ def recorded(folder: Path, system: System, drive: str, peak: float, seconds: flo
         log(folder, name, {"t [s]": t, f"{drive} [{system.inputs[drive].unit}]": u, **columns})
 
 
-def only_finding(tmp_path: Path, cobot_joint: Callable[..., Done]) -> tuple[str, str]:
-    """(name, formula) of the one claim about run1 and run2 of machine/system.ssd."""
+def only_finding(tmp_path: Path, cobot_joint: Callable[..., Done]) -> dict[str, Any]:
+    """The one claim about run1 and run2 of machine/system.ssd."""
     drafted = cobot_joint("inspect", "run1.csv", "run2.csv", "--system", "machine/system.ssd", "--out", "f")
     assert drafted.returncode == 0, drafted.stderr
     assert cobot_joint("diagnose", "f/campaign.toml", "--out", "answer").returncode == 0
     found = json.loads((tmp_path / "answer/diagnosis.json").read_text())["findings"]
     (claim,) = [f for f in found if f["confidence"] >= 0.5]
-    return claim["term"], claim["shape"]["formula"]
+    return dict(claim)
 
 
 @pytest.mark.long
@@ -363,9 +364,9 @@ def test_friction_over_the_angle_of_a_joint_that_turns_once_there_and_back_is_fo
     system = with_data_sheet(chain(["motion", "sensor", "load"]), sheet).system
     machine = with_correction(system, Correction("rubs", "load.tau_add", own, parameters), tmp_path)
     recorded(tmp_path, machine, "w", 6.0, 10.0, {"tau_sensor": 0.01})
-    name, formula = only_finding(tmp_path, cobot_joint)
-    assert name == "load.unlisted"
-    assert "sin(1*phi)*sgn(w)" in formula
+    claim = only_finding(tmp_path, cobot_joint)
+    assert claim["term"] == "load.unlisted"
+    assert "sin(1*phi)*sgn(w)" in claim["shape"]["formula"]
 
 
 @pytest.mark.long
@@ -383,9 +384,9 @@ def test_gravity_behind_a_gear_whose_friction_sticks_is_placed_at_the_load(
     truth = sheet | {f"load.{name}": value for name, value in hanging.items()}
     machine = with_data_sheet(chain(["motor", "gear", "load"]), truth).system
     recorded(tmp_path, machine, "v_command", 5.0, 8.0, {"i_motor": 0.006, "w_motor": 0.3, "w_load": 0.02})
-    name, formula = only_finding(tmp_path, cobot_joint)
-    assert name == "load.unlisted"
-    assert "sin(1*phi)" in formula
+    claim = only_finding(tmp_path, cobot_joint)
+    assert claim["term"] == "load.imbalance"
+    assert claim["parameters"]["G"]["value"] == pytest.approx(0.6 * 9.81 * 0.2, rel=0.01)
 
 
 def test_a_campaign_that_nothing_drives_is_refused(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:

@@ -40,7 +40,7 @@ def starts(system: System, guesses: Sequence[Guess]) -> dict[str, str]:
     for name, connector in places["m"] + (places["rad"] if len(places["rad"]) == 1 else []):
         if begins_apart(columns[connector].values, 0.0) is not None:
             found |= {
-                angle: f"first sample of {connector}" + (f" * {times:g}" if times != 1 else "")
+                angle: f"first sample of {connector}" + (f" * {times:.12g}" if times != 1 else "")
                 for angle, times in _with_it(system, name).items()
             }
     return found

@@ -63,9 +63,12 @@ def make_clock(scheme: Scheme, start: float, stop: float, step: float | None, ou
 
 def turns(inputs: Inputs, clock: Clock, least: float = ROUNDING) -> NDArray[np.int64]:
     """Ticks next to where an input's slope changes by more than `least` of its size per sample: before the first sample
-    and after the last it is 0."""
+    and after the last it is 0. One that holds its samples turns wherever it jumps."""
     t, found = inputs.time, np.zeros(len(inputs.time), dtype=bool)
-    for samples in inputs.values.values():
+    for name, samples in inputs.values.items():
+        if name in inputs.held:
+            found[1:] |= np.diff(samples) != 0
+            continue
         slopes = np.concatenate([[0.0], np.diff(samples) / np.diff(t), [0.0]])
         slight = least * np.max(np.abs(samples), initial=0.0) / np.min(np.diff(t), initial=np.inf)
         found |= np.abs(np.diff(slopes)) > slight
@@ -80,6 +83,6 @@ def halfway(inputs: Inputs, clock: Clock, names: Collection[str]) -> NDArray[np.
     jump there."""
     middle = (inputs.time[1:] + inputs.time[:-1]) / 2
     jumps = np.zeros(len(middle), dtype=bool)
-    for name in names:
+    for name in set(names) - inputs.held:
         jumps |= np.diff(inputs.values[name]) != 0
     return np.ceil((middle[jumps] - clock.start) / clock.step - 1e-6).astype(np.int64)

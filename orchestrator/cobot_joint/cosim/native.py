@@ -93,6 +93,7 @@ class _Plan(ctypes.Structure):
         ("n_samples", c_size_t),
         ("sample_time", c_void_p),
         ("samples", c_void_p),
+        ("held", c_void_p),
         ("n_recorded", c_size_t),
         ("recorded", POINTER(_Wire)),
         ("limits", c_void_p),
@@ -166,7 +167,8 @@ class Master:
         self._tables = tables
         time = np.ascontiguousarray(inputs.time, dtype=np.float64)
         samples = np.array(list(inputs.values.values()), dtype=np.float64).reshape(len(inputs.values), len(time))
-        self._arrays = (time, samples, breaks)
+        held = np.array([name in inputs.held for name in inputs.values], dtype=np.int32)
+        self._arrays = (time, samples, held, breaks)
         for unit, planned in zip(tables.units, tables.plan.units, strict=True):
             unit.component = planned.instance.fmu.component
         plan = _Plan(
@@ -183,6 +185,7 @@ class Master:
             n_samples=len(time),
             sample_time=time.ctypes.data,
             samples=samples.ctypes.data,
+            held=held.ctypes.data,
             n_recorded=len(tables.recorded),
             recorded=tables.recorded,
             start_time=clock.start,

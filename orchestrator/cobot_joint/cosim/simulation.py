@@ -176,7 +176,7 @@ class Simulation:
         clock = make_clock(scheme, e.start_time, e.stop_time, e.step, e.output_step)
         tables, units = self._table(e, scheme, dense=clock.stride > clock.per_row)
         events = [(clock.tick_at(t), self._checked(changes)) for t, changes in e.parameter_events]
-        at_start = {name: float(np.interp(clock.start, e.inputs.time, row)) for name, row in e.inputs.values.items()}
+        at_start = e.inputs.at(clock.start)
         parameters = check_parameters(self.system, e.parameters)
         initialise(self._order, self._instances, parameters, at_start, clock.start, e.stop_time)
         breaks = self._breaks(scheme, e.inputs, clock)

@@ -113,11 +113,13 @@ class Inputs:
     """Piecewise linear inputs, held outside of `time`.
 
     `time`: float64[n], s, rising. `values`: system's input -> float64[n], in the connector's unit, Booleans as 0 and 1.
-    Inputs that are not named keep the start values of the variables they drive.
+    Inputs that are not named keep the start values of the variables they drive. `held`: of them, those that jump at
+    their samples and hold each until the next one, as what a digital controller asks for does.
     """
 
     time: NDArray[np.float64]
     values: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    held: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         if self.time.ndim != 1 or len(self.time) == 0 or np.any(np.diff(self.time) <= 0):
@@ -125,6 +127,16 @@ class Inputs:
         for name, samples in self.values.items():
             if samples.shape != self.time.shape:
                 raise ValueError(f"Inputs: {name} has {len(samples)} samples, time has {len(self.time)}")
+        if unknown := self.held - self.values.keys():
+            raise ValueError(f"Inputs: {min(unknown)} is held, and has no samples")
+
+    def at(self, t: float) -> dict[str, float]:
+        """name -> value at a time, s"""
+        since = max(int(np.searchsorted(self.time, t, side="right")) - 1, 0)
+        return {
+            name: float(samples[since] if name in self.held else np.interp(t, self.time, samples))
+            for name, samples in self.values.items()
+        }
 
 
 def _qualified(component: str | None, variable: str) -> str:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cobot_joint.cosim import Experiment, Simulation, SimulationError, simulate
 from cobot_joint.cosim.instances import UnfitError
 from cobot_joint.cosim.schemes import MONOLITHIC
+from cobot_joint.cosim.simulation import Engine
 from cobot_joint.errors import UserError
 from cobot_joint.system import Inputs, System, load_system
 from cobot_joint.system.model import Value
@@ -56,6 +57,43 @@ def test_a_coil_follows_a_ramp_as_its_closed_form_says() -> None:
     expected = slope / R * (t - L / R * (1 - np.exp(-R * t / L)))
     np.testing.assert_allclose(result.signals["i_motor"], expected, atol=2e-3 * expected[-1])
     assert np.max(np.abs(result.signals["w_motor"])) < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("scheme", "engine"),
+    [("monolithic", "native"), *((s, e) for s in ("adaptive", "jacobi") for e in ("native", "reference"))],
+)
+def test_an_input_that_holds_its_samples_jumps_at_each_as_the_closed_form_says(scheme: str, engine: Engine) -> None:
+    """held rotor, v = v_k from t_k on: i = v_k/R + (i_k - v_k/R) exp(-R (t - t_k)/L)"""
+    R, L = 0.209, 84.3e-6
+    at, v = np.arange(11) * 1e-3, np.array([0.0, 1, 1, -0.5, 0.7, 0.7, 0, 0, 1, -1, 0.3])
+    held = {"motor_bldc.friction.tau_C": 1.0, "motor_bldc.friction.w_C": 1e-3}
+    stairs = Inputs(at, {"v_command": v}, frozenset({"v_command"}))
+    record = ["i_motor", "v_command"]
+    run = Experiment(stairs, 0.01, output_step=1e-4, scheme=scheme, parameters=held, record=record)
+    result = simulate(load_system("joint_no_load"), run, engine=engine)
+    t, i, expected = result.time, 0.0, []
+    for k, time in enumerate(t):
+        since = v[max(int(np.floor((time + 1e-9) / 1e-3)), 0)]
+        expected.append(i)
+        assert result.signals["v_command"][k] == since  # from its sample on, not only behind it
+        i = since / R + (i - since / R) * np.exp(-R * 1e-4 / L)
+    np.testing.assert_allclose(result.signals["i_motor"], expected, atol=2e-3 * np.max(np.abs(expected)))
+
+
+def test_a_held_input_without_samples_is_refused() -> None:
+    with pytest.raises(ValueError, match="v is held, and has no samples"):
+        Inputs(np.zeros(1), {}, frozenset({"v"}))
+
+
+def test_an_input_at_a_time_is_its_line_or_what_it_holds() -> None:
+    values = {"line": np.array([0.0, 2.0]), "stairs": np.array([0.0, 2.0])}
+    inputs = Inputs(np.array([1.0, 2.0]), values, frozenset({"stairs"}))
+    assert [inputs.at(t) for t in (0.5, 1.5, 2.0)] == [
+        {"line": 0.0, "stairs": 0.0},
+        {"line": 1.0, "stairs": 0.0},
+        {"line": 2.0, "stairs": 2.0},
+    ]
 
 
 @pytest.mark.parametrize(

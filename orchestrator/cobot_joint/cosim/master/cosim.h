@@ -72,6 +72,8 @@ typedef struct { /* schemes.py says what the fields mean */
   double tolerance, pace;
 } Scheme;
 
+#define AT_TICK 1e-6 /* of a step, by which a sample may miss the tick that it is at */
+
 typedef struct {
   size_t n_units;
   const Unit *units;
@@ -85,6 +87,7 @@ typedef struct {
   size_t n_samples;
   const double *sample_time; /* [n_samples], rising; inputs are linear between samples and held outside */
   const double *samples;     /* [n_inputs][n_samples] */
+  const int32_t *held;       /* [n_inputs]: 1 of one that jumps at its samples, and stays from one to the next */
   size_t n_recorded;
   const Wire *recorded;
   const double *limits; /* [n_recorded]: a run that is found beyond them, in absolute value, is given up; NULL: none */

@@ -48,13 +48,20 @@ static size_t sample_before(const Master *m, size_t k, double t) {
   return k;
 }
 
-/* The system's inputs: the chord over the step, exact where no sample lies inside */
+/* The sample from which on inputs that hold theirs do: the one at a tick, however times are rounded */
+static size_t held_since(const Master *m, size_t k, double t) { return sample_before(m, k, t + AT_TICK * m->plan.step); }
+
+/* The system's inputs: the chord over the step, or what is held at its begin; exact where no sample lies inside */
 static void follow_inputs(Master *m, double t, double t_end, double h) {
   if (m->plan.n_inputs == 0) return;
   m->sample = sample_before(m, m->sample, t);
-  size_t k_end = sample_before(m, m->sample, t_end);
+  size_t k_end = sample_before(m, m->sample, t_end), k_held = held_since(m, m->sample, t);
   for (size_t j = 0; j < m->plan.n_inputs; j++) {
     const double *samples = m->plan.samples + j * m->plan.n_samples;
+    if (m->plan.held[j]) {
+      m->p[m->plan.n_outputs + j] = constant(samples[k_held]);
+      continue;
+    }
     m->p[m->plan.n_outputs + j] = line(sample_at(m, samples, m->sample, t), sample_at(m, samples, k_end, t_end), h);
   }
 }
@@ -228,6 +235,11 @@ int cosim_resume(Master *m) {
   return m->monolithic ? monolithic_resume(m->monolithic, m) : 0;
 }
 
+static double input_at(const Master *m, size_t j, size_t k, double t) {
+  const double *samples = m->plan.samples + j * m->plan.n_samples;
+  return m->plan.held[j] ? samples[held_since(m, k, t)] : sample_at(m, samples, k, t);
+}
+
 int cosim_record(Master *m, double *row) {
   double t = time_of(m, m->tick);
   size_t k = m->plan.n_inputs ? sample_before(m, m->sample, t) : 0;
@@ -236,9 +248,7 @@ int cosim_record(Master *m, double *row) {
   for (size_t j = 0; j < m->plan.n_recorded; j++) {
     const Wire *wire = &m->plan.recorded[j];
     size_t s = (size_t)wire->signal;
-    double y = s < m->plan.n_outputs
-                   ? m->y[s]
-                   : sample_at(m, m->plan.samples + (s - m->plan.n_outputs) * m->plan.n_samples, k, t);
+    double y = s < m->plan.n_outputs ? m->y[s] : input_at(m, s - m->plan.n_outputs, k, t);
     row[j] = wire->factor * y + wire->offset;
     if (m->plan.limits && !(fabs(row[j]) <= m->plan.limits[j])) m->beyond = true;
   }

@@ -141,7 +141,7 @@ const Unit *system_unfit(FieldSystem *s, double t) {
   return NULL;
 }
 
-/* inputs of the system: linear between samples, held outside; their slopes besides */
+/* inputs of the system: linear between samples, or held; held outside; their slopes besides */
 static void read_samples(FieldSystem *s, double t) {
   const Plan *p = s->plan;
   if (p->n_inputs == 0) return;
@@ -150,8 +150,15 @@ static void read_samples(FieldSystem *s, double t) {
   const size_t k = s->sample;
   const bool inside = t >= p->sample_time[0] && k + 1 < p->n_samples;
   const double dt = inside ? p->sample_time[k + 1] - p->sample_time[k] : 1;
+  while (s->held > 0 && p->sample_time[s->held] > s->since + AT_TICK * p->step) s->held--;
+  while (s->held + 1 < p->n_samples && p->sample_time[s->held + 1] <= s->since + AT_TICK * p->step) s->held++;
   for (size_t j = 0; j < p->n_inputs; j++) {
     const double *y = p->samples + j * p->n_samples;
+    if (p->held[j]) {
+      s->signal[p->n_outputs + j] = y[s->held];
+      s->slope[p->n_outputs + j] = 0;
+      continue;
+    }
     const double slope = inside ? (y[k + 1] - y[k]) / dt : 0;
     s->signal[p->n_outputs + j] = y[k] + (inside ? slope * (t - p->sample_time[k]) : 0);
     s->slope[p->n_outputs + j] = slope;

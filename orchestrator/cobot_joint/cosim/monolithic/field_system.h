@@ -52,6 +52,8 @@ typedef struct {
   double (*gradient)[MOST_STATES]; /* [n_outputs + n_inputs]: of signals, by state */
   uint64_t *reaches;               /* [n_outputs + n_inputs]: states that a signal depends on */
   size_t sample;                   /* sample_time[sample] <= t < sample_time[sample + 1] */
+  size_t held;                     /* the same at `since`, of inputs that hold their samples */
+  double since;                    /* s, when the step under way began: held inputs stay as they were then */
   double nominal[MOST_STATES];
   uint64_t rows[MOST_STATES]; /* where J may differ from zero */
   bool rows_grew;             /* since somebody looked */

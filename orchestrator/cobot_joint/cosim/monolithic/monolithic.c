@@ -159,6 +159,7 @@ static int arrive(Monolithic *o, Master *m, int64_t tick, double **row) {
   double x[MOST_STATES];
   between(&o->stepper, t, x);
   o->stepper.there = false;
+  o->system->since = t;
   system_look(o->system, t, x);
   for (size_t k = 0; k < o->system->n_units; k++) {
     const FieldUnit *u = &o->system->units[k];
@@ -273,6 +274,7 @@ static double room_after(const Monolithic *o, double error) {
 /* One step that the error allows, no further than by `most`; its end, or where an event is due within it, in *end. */
 static int make_step(Monolithic *o, Master *m, double most, double *end, bool *event) {
   Stepper *r = &o->stepper;
+  r->system->since = r->t;
   for (bool again = false;; m->count.rejected++, again = true) {
     double h = fmin(fmin(o->next_step, LONGEST), most);
     if (h < most && h > most / 2) h = most / 2; /* rather than leaving a crumb */
@@ -334,8 +336,10 @@ int monolithic_advance(Monolithic *o, Master *m, int64_t tick, double *rows) {
       if (reaches && !event) event = r->t >= o->next_event - SHORTEST;
     }
     r->linear = false;
-    if (at_break(o, m)) {
+    if (at_break(o, m)) { /* where an input jumps, so may f, and what depends on it may be due */
+      r->there = false;
       stay(r);
+      event |= system_indicator(o->system) > 0;
       if (set_discrete(o, m, &event)) return -1;
     }
     if (event && events_here(o, m)) return -1;

@@ -24,6 +24,7 @@ double dopri_step(Stepper *r, double h, double tolerance); /* at a third of the 
 
 /* units at the present point, f theirs */
 static inline void stay(Stepper *r) {
+  r->system->since = r->t;
   if (!r->there) system_evaluate(r->system, r->t, r->x, r->f);
   r->there = true;
 }

@@ -29,6 +29,7 @@ from cobot_joint.system.model import Inputs
 
 DISCARD = 2  # fmi2Discard: a shorter step might do; of slopes before the first step, not known yet
 LAST_STAIR = 1e-3  # of a step
+AT_TICK = 1e-6  # of a step, by which a sample may miss the tick that it is at
 CALM = 8  # steps after one that was taken back, before steps may grow again
 
 
@@ -39,6 +40,7 @@ class Master:
         self.plan, self.scheme = plan, scheme
         self.sample_time = [float(t) for t in inputs.time]
         self.samples = [[float(x) for x in row] for row in inputs.values.values()]
+        self.held = [name in inputs.held for name in inputs.values]
         self.start_time, self.step_size = clock.start, clock.step
         self.ticks_per_record, self.max_stride = clock.per_row, clock.stride
         self.breaks = [int(tick) for tick in breaks]
@@ -93,7 +95,7 @@ class Master:
             self._get_watched(unit)
         for j, wire in enumerate(self.plan.recorded):
             n = wire.signal - self.plan.n_outputs
-            y = self.y[wire.signal] if n < 0 else self._sample_at(self.samples[n], k, t)
+            y = self.y[wire.signal] if n < 0 else self._input_at(n, k, t)
             row[j] = wire.factor * y + wire.offset
         self._rows += 1
 
@@ -351,10 +353,13 @@ class Master:
         return line(past.y, self.y[s], h)
 
     def _follow_inputs(self, t: float, t_end: float, h: float) -> None:
-        """The system's inputs: the chord over the step, exact where no sample lies inside."""
+        """Chords of the system's inputs, or what is held at the step's begin; exact where no sample lies inside."""
         self.sample = self._sample_before(self.sample, t)
         k_end = self._sample_before(self.sample, t_end)
         for j, samples in enumerate(self.samples):
+            if self.held[j]:
+                self.p[self.plan.n_outputs + j] = constant(self._input_at(j, self.sample, t))
+                continue
             begin, end = self._sample_at(samples, self.sample, t), self._sample_at(samples, k_end, t_end)
             self.p[self.plan.n_outputs + j] = line(begin, end, h)
 
@@ -388,6 +393,13 @@ class Master:
         while k + 1 < len(self.sample_time) and self.sample_time[k + 1] <= t:
             k += 1
         return k
+
+    def _held_since(self, k: int, t: float) -> int:
+        """The sample from which on inputs that hold theirs do: the one at a tick, however times are rounded."""
+        return self._sample_before(k, t + AT_TICK * self.step_size)
+
+    def _input_at(self, n: int, k: int, t: float) -> float:
+        return self.samples[n][self._held_since(k, t)] if self.held[n] else self._sample_at(self.samples[n], k, t)
 
     def _sample_at(self, samples: list[float], k: int, t: float) -> float:
         time = self.sample_time

@@ -138,7 +138,6 @@ def read_recording(
         series = resample(channel.name, channel.time, values, time, said)
         if connectors[name].causality == "input":
             series = fill(path, channel.name, time, series, said)
-        series = held(series) if column.hold else series
         if column.derivative:  # central differences: their integral does not drift from the position
             positions[channel.name], units[name] = series, target or f"{units[name]}/s"
             series = np.gradient(series, time)
@@ -170,15 +169,6 @@ def _held(
         if connectors[name].causality == "output":
             raise UserError(f"{path}: column {header!r}: hold is given, {name!r} is an output; it is for inputs")
     return set(those)
-
-
-def held(series: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What is linear from sample to sample and comes closest to stairs, (n,): these are half a sample behind, and over
-    every sample and the halves beside it have the mean of two.
-
-    Franklin, G. F., Powell, J. D., Workman, M. (1998), Digital Control of Dynamic Systems, 3rd ed., section 4.3.
-    """
-    return (series + np.concatenate([series[:1], series[:-1]])) / 2
 
 
 def said_once(notes: Sequence[tuple[str, Sequence[str]]]) -> list[str]:

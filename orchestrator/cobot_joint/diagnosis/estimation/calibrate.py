@@ -114,7 +114,7 @@ def _noisy_inputs(recording: Recording) -> list[str]:
     def turns(x: Vector) -> float:
         return float(np.mean(np.abs(np.diff(x, 2)) > SLIGHT * np.max(np.abs(x), initial=0.0)))
 
-    return [name for name, x in recording.inputs.items() if turns(x) > 0.5]
+    return [name for name, x in recording.inputs.items() if name not in recording.held and turns(x) > 0.5]
 
 
 def _on_fewer_knots(recording: Recording, every: int) -> Recording:

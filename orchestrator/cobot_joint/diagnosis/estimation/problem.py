@@ -343,15 +343,21 @@ def _complete(parts: Sequence[Part | None]) -> Simulated | None:
 
 
 def _undone(recording: Recording, run: Run) -> Recording:
-    """With its inputs as they were, where these are recorded as gain*there + offset, or there(t - late - rate*t)."""
+    """With its inputs as they were, where these are recorded as gain*there + offset, or there(t - late - rate*t).
+
+    Stairs that are stamped wrong jump between two samples: drawn as lines, half a sample behind (Franklin, G. F.,
+    Powell, J. D., Workman, M. (1998), Digital Control of Dynamic Systems, 3rd ed., section 4.3).
+    """
     inputs, t = dict(recording.inputs), recording.time - recording.time[0]
     for name, (gain, offset) in run.readings.items():
         if name in inputs:
             inputs[name] = (inputs[name] - offset) / gain
     for name, (late, rate) in run.stamps.items():
         if name in inputs:
-            inputs[name] = np.interp((t + late) / (1 - rate), t, inputs[name])
-    return replace(recording, inputs=inputs) if run.readings or run.stamps else recording
+            behind = recording.step / 2 if name in recording.held else 0.0
+            inputs[name] = np.interp((t + late) / (1 - rate) - behind, t, inputs[name])
+    held = recording.held - run.stamps.keys()
+    return replace(recording, inputs=inputs, held=held) if run.readings or run.stamps else recording
 
 
 def _logged(found: Signals, recording: Recording, run: Run) -> Signals:

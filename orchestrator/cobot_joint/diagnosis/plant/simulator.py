@@ -43,8 +43,9 @@ def run_beside(
     time = recording.time - recording.time[0]  # what fades or warms up does so from the run's beginning
     events = [(t, {name: x}) for name, of_time in (courses or {}).items() for t, x in of_time]
     start = {**values} | {_variable(simulation.system, name): value for name, value in recording.initial.items()}
+    inputs = summed(recording.inputs, added or {})
     experiment = Experiment(
-        Inputs(time, summed(recording.inputs, added or {})),
+        Inputs(time, inputs, frozenset(recording.held & inputs.keys())),
         float(time[-1]),
         output_step=recording.step,
         parameters=start,

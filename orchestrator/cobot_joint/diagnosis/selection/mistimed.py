@@ -13,7 +13,7 @@ import numpy as np
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.checks.beside_nominal import ALIKE, SHARE, match, shifted, unlike
 from cobot_joint.diagnosis.checks.delays import Delay, agreed, beside, mostly
-from cobot_joint.diagnosis.data.recording import Recording, held
+from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.estimation.channels import Stamps
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.least_squares import difference, fit, fit_on, predicted_decrease
@@ -98,8 +98,7 @@ def held_inputs(problem: Problem, at: Fit) -> list[str]:
 
 
 def _with_held(recording: Recording, name: str) -> Recording:
-    inputs = recording.inputs
-    return replace(recording, inputs=inputs | {name: held(inputs[name])}) if name in inputs else recording
+    return replace(recording, held=recording.held | {name}) if name in recording.inputs else recording
 
 
 def _delays(problem: Problem, at: Fit) -> dict[str, list[Delay]]:

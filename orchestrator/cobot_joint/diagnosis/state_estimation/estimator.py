@@ -135,7 +135,7 @@ class StateEstimator:
         recorded = np.column_stack([recording.outputs[c] for c in self.sampled.channels])
         room, likelihood = _Room(self, recorded, recording.step), 0.0
         ends = self._ends(recording)
-        with self.sampled.along(time, recording.inputs, self.reached, self.ports) as runs:
+        with self.sampled.along(time, recording.inputs, self.reached, self.ports, recording.held) as runs:
             for first, end in pairwise([0, *ends]):
                 faded = self._faded(d, time[first : end + 1])
                 piece = runs.run(x, slice(first, end + 1), self.entering(faded) if d.any() else None)

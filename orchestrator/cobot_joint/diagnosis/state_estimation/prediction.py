@@ -119,7 +119,7 @@ def predict(
             tracked = estimator.track(recording)
             tracked = with_sizes(estimator, tracked).refilter(tracked)
             assert tracked.filtered.predicted is not None
-            with sampled.along(time, recording.inputs, known.reached) as runs:
+            with sampled.along(time, recording.inputs, known.reached, held=recording.held) as runs:
                 for first, end in parts:
                     x = tracked.x[first].copy()
                     if first:  # else it is where the run begins

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -131,36 +131,42 @@ class SampledSystem:
             found.append(float(given.get(s.name, own)))
         return np.array(found)
 
-    def run(self, x: Array, time: Array, inputs: Mapping[str, Array]) -> Piece:
-        """From the states x: (states,) at time[0] on, recorded at each time: (n,), regular; inputs: name -> (n,).
+    def run(self, x: Array, time: Array, inputs: Mapping[str, Array], held: Collection[str] = ()) -> Piece:
+        """From the states x: (states,) at time[0] on, recorded at each time: (n,), regular; inputs: name -> (n,), held:
+        those that hold each sample until the next.
 
         SimulationError: a unit fails.
         """
-        signals = self.simulation.run(self._experiment(x, time, inputs)).signals
+        signals = self.simulation.run(self._experiment(x, time, inputs, held)).signals
         table = np.column_stack([signals[name][: len(time)] for name in self.layout.columns])
         return self.piece(time, table, inputs)
 
     @contextmanager
     def along(
-        self, time: Array, inputs: Mapping[str, Array], reached: Array, ports: Sequence[str] = ()
+        self,
+        time: Array,
+        inputs: Mapping[str, Array],
+        reached: Array,
+        ports: Sequence[str] = (),
+        held: Collection[str] = (),
     ) -> Iterator[Runs]:
         """Runs along a recording. time: (n,), regular; reached: (states,), absolute values that a free run reaches,
-        FAR times which a run is lost; ports: further inputs, 0 unless said."""
+        FAR times which a run is lost; ports: further inputs, 0 unless said; held: see `run`."""
         limits = np.concatenate([FAR * reached, np.full(len(self.layout.columns) - len(reached), np.inf)])
         if not restarts(self.simulation):
-            yield Runs(self, time, inputs, {}, limits)
+            yield Runs(self, time, inputs, held, {}, limits)
             return
         both = {**{port: np.zeros(len(time)) for port in ports}, **inputs}
-        experiment = self._experiment(self.start({}), time, both)
+        experiment = self._experiment(self.start({}), time, both, held)
         with Restarts(self.simulation, experiment, [s.name for s in self.states], limits) as quick:
-            yield Runs(self, time, inputs, {port: list(both).index(port) for port in ports}, limits, quick)
+            yield Runs(self, time, inputs, held, {port: list(both).index(port) for port in ports}, limits, quick)
 
-    def _experiment(self, x: Array, time: Array, inputs: Mapping[str, Array]) -> Experiment:
+    def _experiment(self, x: Array, time: Array, inputs: Mapping[str, Array], held: Collection[str]) -> Experiment:
         step = float(time[-1] - time[0]) / (len(time) - 1)
         # an estimate may lie beyond what a unit lets a state start at: a brake's torque a little below 0
         states = {s.name: float(v) for s, v in zip(self.states, self.inside(x), strict=True)}
         return Experiment(
-            Inputs(time, dict(inputs)),
+            Inputs(time, dict(inputs), frozenset(inputs.keys() & held)),
             float(time[-1]) + 0.1 * step,
             start_time=float(time[0]),
             output_step=step,
@@ -176,7 +182,8 @@ class SampledSystem:
 
     def free(self, recording: Recording) -> Piece:
         """From a recording's beginning to its end. SimulationError: a unit fails."""
-        return self.run(self.start(recording.initial), recording.time - recording.time[0], recording.inputs)
+        start, time = self.start(recording.initial), recording.time - recording.time[0]
+        return self.run(start, time, recording.inputs, recording.held)
 
     def piece(self, time: Array, table: Array, inputs: Mapping[str, Array]) -> Piece:
         """Of a table of what was recorded."""
@@ -218,6 +225,7 @@ class Runs:
     sampled: SampledSystem
     time: Array
     inputs: Mapping[str, Array]
+    held: Collection[str]
     ports: Mapping[str, int]
     limits: Array
     quick: Restarts | None = None
@@ -227,7 +235,7 @@ class Runs:
         LostError: the run goes beyond the limits."""
         inputs = summed({name: u[rows] for name, u in self.inputs.items()}, entering or {})
         if self.quick is None:
-            piece = self.sampled.run(x, self.time[rows], inputs)
+            piece = self.sampled.run(x, self.time[rows], inputs, self.held)
             if not (np.abs(piece.table) <= self.limits).all():  # nor is it a number
                 raise LostError
             return piece

@@ -49,6 +49,20 @@ def test_a_run_along_a_recording_is_that_run_on_its_own() -> None:
                     np.testing.assert_allclose(found.table / (size + 1e-12), expected.table / (size + 1e-12), atol=1e-9)
 
 
+def test_a_run_from_a_sample_on_goes_on_as_the_whole_one_does_where_an_input_holds_its_samples() -> None:
+    time = clock(1.0)
+    held = {**inputs(time), "v_command": np.repeat(np.random.default_rng(1).uniform(-6, 6, 21), 50)[: len(time)]}
+    with SampledSystem(bench()[0], list(SIGMA)) as sampled:
+        whole = sampled.run(sampled.start({}), time, held, ["v_command"])
+        lines = sampled.run(sampled.start({}), time, held)
+        assert np.abs(whole.y - lines.y).max() > 0.1  # A: what lines would make of it
+        with sampled.along(time, held, anywhere(sampled), held=["v_command"]) as runs:
+            assert runs.quick is not None
+            for rows in (slice(0, 51), slice(400, 451), slice(725, 1001)):
+                found, size = runs.run(whole.x[rows.start], rows).y, np.abs(whole.y).max(axis=0)
+                np.testing.assert_allclose(found / size, whole.y[rows] / size, atol=1e-3)
+
+
 def test_what_enters_where_a_recorded_torque_does_comes_on_top_of_it() -> None:
     """An axis with its torque at `load.tau_add` ended with an IndexError."""
     time, port = clock(0.5), "motor_bldc.tau_add"

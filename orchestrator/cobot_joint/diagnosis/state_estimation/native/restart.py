@@ -113,7 +113,8 @@ class Restarts:
         table = np.empty((rows, len(self._run.names)))
         x, u = np.ascontiguousarray(x, dtype=np.float64), np.ascontiguousarray(self.samples[:, first])
         there = slice(first, first + rows)
-        inputs = Inputs(self._inputs.time[there], dict(zip(self._inputs.values, self.samples[:, there], strict=True)))
+        samples = dict(zip(self._inputs.values, self.samples[:, there], strict=True))
+        inputs = Inputs(self._inputs.time[there], samples, self._inputs.held)
         breaks = self._simulation._breaks(self._run.scheme, inputs, self._run.clock)
         run = _Run(first, rows, x.ctypes.data, u.ctypes.data, self.samples.ctypes.data, breaks.ctypes.data,
                    len(breaks), self._limits.ctypes.data)  # fmt: skip

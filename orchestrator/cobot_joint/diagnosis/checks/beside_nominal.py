@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -13,6 +13,7 @@ from cobot_joint.diagnosis.checks.delays import Delay, agreed, of_one_shaft
 from cobot_joint.diagnosis.data.conditioning import noise_and_colour
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.data.suspicion import Suspicion
+from cobot_joint.errors import among
 
 Vector = NDArray[np.float64]
 Simulate = Callable[[Recording], Mapping[str, Vector]]  # outputs of the nominal system at the recording's time
@@ -130,7 +131,7 @@ def _scales(
     odd = {n: m for n, m in found.items() if n not in r.believed and _is_odd(m)}
     if odd and (swapped := _swapped(r, simulated, odd)):
         yield swapped
-    elif any(_is_doubtful(m) for m in found.values()) and (cause := _input_at_fault(r, found, simulate)):
+    elif any(_is_doubtful(m) for m in found.values()) and (cause := _input_at_fault(r, found, odd, simulate, ratios)):
         yield cause
     else:
         yield from (_scale(r, name, m, ratios) for name, m in odd.items() if abs(m.correlation) >= ALIKE)
@@ -186,22 +187,35 @@ def _swapped(r: Recording, simulated: Mapping[str, Vector], odd: Mapping[str, Ma
     return None
 
 
-def _input_at_fault(r: Recording, found: Mapping[str, Match], simulate: Simulate) -> Suspicion | None:
-    """An input with whose sign or factor put right every output fits the nominal system, far better than as it is."""
+def _input_at_fault(
+    r: Recording,
+    found: Mapping[str, Match],
+    odd: Collection[str],
+    simulate: Simulate,
+    ratios: Mapping[str, float],
+) -> Suspicion | None:
+    """An input with whose sign or factor put right every output fits the nominal system, far better than as it is.
+
+    A gear's ratio among the factors: a torque that is asked for behind a gear is so many times the motor's. One that
+    somebody looked at is believed where no output is odd.
+    """
     before = min(m.correlation for m in found.values())
+    gears = {f for N in ratios.values() if abs(N) > FAR for f in (1 / abs(N), abs(N))}
     for name, x in r.inputs.items():
-        if name in r.believed or not np.any(x):
+        if (name in r.believed and not odd) or not np.any(x):
             continue
-        for factor in (-1.0, 1e-3, 1e3, 0.1, 10.0):
+        right = f"scale = 1 for {among(sorted(odd), 5)}" if name in r.believed else "scale = 1"
+        for factor in (-1.0, 1e-3, 1e3, 0.1, 10.0, *gears):
             again = _matches(r, simulate(replace(r, inputs=r.inputs | {name: factor * x})))
             after = min((m.correlation for m in again.values()), default=-1.0)
             if len(again) < len(found) or any(map(_is_doubtful, again.values())) or 1 - after > (1 - before) / 4:
                 continue
-            what, remedy = ("its sign reversed", -1) if factor < 0 else (f"a factor of {factor:g}", factor)
-            key = "sign" if factor < 0 else "scale"
+            what = "its sign reversed" if factor < 0 else f"a factor of {factor:.5g}"
+            side = " (a gear's ratio: it belongs to the other side of that gear)" if factor in gears else ""
+            remedy = "sign = -1" if factor < 0 else f"scale = {factor:.6g}, or what scale has times that,"
             evidence = (
-                f"with {what} every output fits the nominal system, as it is not (correlation {before:.2f}): "
-                f"{key} = {remedy:g} for {r.columns.get(name, name)!r}, or its unit; if it is right, scale = 1"
+                f"with {what}{side} every output fits the nominal system, as it is not (correlation {before:.2f}): "
+                f"{remedy} for {r.columns.get(name, name)!r}, or its unit; if it is right, {right}"
             )
             return Suspicion(r.name, name, "sign" if factor < 0 else "factor", evidence, wrong=True)
     return None

@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,6 +32,7 @@ N = 112.66666666666667
 def look(root: Path) -> Iterator[Callable[..., list[Suspicion]]]:
     """look(name, change): what is said of two runs of the open set whose channel of that name is changed."""
     campaign = load_campaign(root / "proof/open/case01", roles=("train",))
+    believed: set[str] = set()
     with Simulator(campaign.systems()) as simulate:
 
         def changed(r: Recording, name: str, change: Change) -> Recording:
@@ -39,9 +40,11 @@ def look(root: Path) -> Iterator[Callable[..., list[Suspicion]]]:
             series = dict(getattr(r, kind))
             if name in series:
                 series[name] = change(series[name], r)
-            return replace(r, **{kind: series})
+            return replace(r, **{kind: series}, believed=r.believed | believed)
 
-        def said(name: str = "", change: Change = lambda x, r: x) -> list[Suspicion]:
+        def said(name: str = "", change: Change = lambda x, r: x, looked_at: Collection[str] = ()) -> list[Suspicion]:
+            nonlocal believed
+            believed = {*looked_at}
             runs = [changed(r, name, change) for r in campaign.train[1:]]
             return suspicions(runs) + beside_nominal(runs, simulate, {"planetary_gear.ratio.N": N})
 
@@ -66,6 +69,7 @@ def test_nothing_is_said_of_a_clean_log(look: Callable[..., list[Suspicion]]) ->
         ("w_motor", lambda x, r: x / N, "factor", "the gear ratio planetary_gear.ratio.N"),
         ("tau_sensor", lambda x, r: -x, "sign", "it moves against the nominal system (correlation -1.00): reversed?"),
         ("i_brake", lambda x, r: 1e3 * x, "factor", "with a factor of 0.001 every output fits the nominal system"),
+        ("v_command", lambda x, r: N * x, "factor", "a gear's ratio: it belongs to the other side of that gear"),
         ("v_command", lambda x, r: -x, "sign", "with its sign reversed every output fits the nominal system"),
         ("v_command", lambda x, r: 0 * x, "frozen", "with which the nominal system stands still while i_motor moves"),
     ],
@@ -76,6 +80,16 @@ def test_a_factor_sign_or_dead_input_is_named_and_sure_enough_to_stop(
     found = look(name, change)[-1]
     assert (found.channel, found.kind, found.wrong) == (name, kind, True)
     assert words in found.evidence
+
+
+def test_an_input_that_somebody_looked_at_is_named_where_outputs_are_odd_unless_these_were_looked_at_as_well(
+    look: Callable[..., list[Suspicion]],
+) -> None:
+    """A drafted scale, "9.52 V/(N.m)", counted as looked at: the measured current was said to be read wrongly."""
+    found = look("v_command", lambda x, r: N * x, {"v_command"})[-1]
+    assert (found.channel, found.kind, found.wrong) == ("v_command", "factor", True)
+    assert found.evidence.endswith("if it is right, scale = 1 for w_motor")
+    assert not any(s.wrong for s in look("v_command", lambda x, r: N * x, {"v_command", "w_motor"}))
 
 
 def hold(x: np.ndarray, r: Recording) -> np.ndarray:

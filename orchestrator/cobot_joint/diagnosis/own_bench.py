@@ -18,15 +18,14 @@ from cobot_joint.screen import Screen
 
 if TYPE_CHECKING:
     from cobot_joint.diagnosis.checks.inspection import Inspection
+    from cobot_joint.diagnosis.drafts.campaign_text import Columns
     from cobot_joint.diagnosis.drafts.chain import Chain
-    from cobot_joint.system.model import Component, System
+    from cobot_joint.system.model import System
 
 console = Screen()
 if not console.is_terminal:
     console = Screen(width=160)
 POINTS = 4000  # of a channel in a picture
-RIGID = 100.0  # Hz, above what a drive's loop follows
-HARDLY = 50.0  # times a shaft's stiffness, of a mesh that takes a fiftieth of it away
 STIFF = 50.0  # Hz, at which a load rings on a spring that a machine has only in the model
 
 
@@ -162,14 +161,16 @@ def _first_campaign(
     entries = as_table(own, guesses, [i.log for i in found], Entry(files, given=given)) or one_each(files, given)
     title = logs[0].stem if len(logs) == 1 else logs[0].resolve().parent.name or logs[0].stem
     path.write_text(campaign_text(title, named, entries, drafted, tolerances), encoding="utf-8")
-    return [str(path), *_nothing_drives(own, [g.connector for g in guesses])]
+    return [str(path), *_nothing_drives(own, drafted)]
 
 
-def _nothing_drives(system: System, connectors: Collection[str]) -> list[str]:
-    """What a draft lacks that has columns for these; nothing: it has an input."""
-    if not system.inputs or any(name in system.inputs for name in connectors):
+def _nothing_drives(system: System, drafted: Columns) -> list[str]:
+    """What a draft lacks, or does without; nothing: it has an input."""
+    if not system.inputs or any(g.connector in system.inputs for g in drafted.guesses):
         return []
     inputs = among(list(system.inputs))
+    if drafted.starts:
+        return [f"no column is an input of the system ({inputs}): each run coasts from where its log begins"]
     return [f"no column is an input of the system: `diagnose` needs one for {inputs}, or a start in [initial]"]
 
 
@@ -215,6 +216,7 @@ def new(
     """Write a readable system (.ssd) and a campaign for a machine of your own."""
     from cobot_joint.diagnosis.drafts.chain import Chain, with_data_sheet, write_readable
     from cobot_joint.diagnosis.drafts.chain import chain as make
+    from cobot_joint.diagnosis.drafts.shafts import mesh_in_words, shaft_in_words, with_stiff_shaft
     from cobot_joint.system.read import load_system
 
     if (chain is None) == (from_ is None):
@@ -222,7 +224,7 @@ def new(
     parts = [n.strip() for n in (chain or "").split(",")]
     made = make(parts) if chain is not None else Chain(load_system(str(from_)), {})
     values = dict(_assignment(text) for text in set_ or [])
-    made = with_data_sheet(made, values)
+    made = with_stiff_shaft(with_data_sheet(made, values), values)
     if chain is not None and not made.system.inputs:
         raise UserError(
             f"new: --chain {chain} is given, and nothing drives its first part; motor, loop, motion, load, link, "
@@ -238,7 +240,8 @@ def new(
     words = [(name, part.words) for name, part in made.parts.items()]
     console.print(write_readable(made.system, words, folder / "system.ssd"), soft_wrap=True)
     if chain:
-        console.print(*_shaft(made, values), *_mesh(made, values), *_supply(made, values), sep="", end="")
+        said = [*shaft_in_words(made, values), *mesh_in_words(made, values), *_supply(made, values)]
+        console.print(*said, sep="", end="")
     console.print(*_ringing(made), *_commanded(made, values), sep="", end="")
     (folder / "campaign.toml").write_text(_campaign(made.system, folder), encoding="utf-8")
     console.print(folder / "campaign.toml", soft_wrap=True)
@@ -260,42 +263,6 @@ def _list_parameters(made: Chain) -> None:
     console.print(grid)
 
 
-def _shaft(made: Chain, given: Collection[str]) -> list[str]:
-    """What stands between two parts that both bring motion, in words, as far as its stiffness and damping were not
-    given; nothing: no shaft does, or both were."""
-    names = list(made.parts)
-    if "shaft" not in names or {"shaft.c_s", "shaft.d_s"} <= {*given}:
-        return []
-    k, spring = names.index("shaft"), made.system.component("shaft").parameters
-    inertias = [math.inf if names[j] == "motion" else _inertia(made.system.component(names[j])) for j in (k - 1, k + 1)]
-    c_s, d_s = spring["shaft.c_s"], spring["shaft.d_s"]
-    if "shaft.c_s" in given:
-        critical = _critical(c_s, *inertias) if all(J > 0 for J in inertias) else math.nan
-        little = (
-            f", {100 * d_s / critical:.2g} % of critical; 5 % would be {0.05 * critical:.3g}" if critical > 0 else ""
-        )
-        return [f"the shaft's damping of {d_s:g} N.m.s/rad is assumed{little}: --set 'shaft.d_s=VALUE'\n"]
-    between = f"a shaft of {c_s:g} N.m/rad stands between {names[k - 1]} and {names[k + 1]}"
-    c, d = _as_good_as_rigid(*inertias) if all(J > 0 for J in inertias) else (math.nan, math.nan)
-    rigid = f"; of a coupling that hardly gives: --set shaft.c_s={c:.3g} --set shaft.d_s={d:.3g}" if c > 0 else ""
-    return [f"{between}; that stiffness is assumed: set the real one with --set 'shaft.c_s=VALUE'{rigid}\n"]
-
-
-def _mesh(made: Chain, given: Collection[str]) -> list[str]:
-    """What a gear's stiffness that nobody gave makes of a shaft's that somebody did; nothing: it hardly gives."""
-    named = {"gear.c", "gear.mesh.c", "gear.stiffness"} & {*given}
-    if named or "shaft.c_s" not in given or "gear" not in made.parts:
-        return []
-    mesh = made.system.component("gear").parameters["mesh.c"]
-    shaft = made.system.component("shaft").parameters["shaft.c_s"]
-    if mesh > HARDLY * shaft:
-        return []
-    return [
-        f"the gear's mesh of {mesh:g} N.m/rad is assumed, and makes {1 / (1 / mesh + 1 / shaft):.3g} of the shaft's "
-        f"{shaft:g}: --set 'gear.mesh.c=VALUE'; of teeth that hardly give: --set gear.mesh.c={HARDLY * shaft:g}\n"
-    ]
-
-
 def _supply(made: Chain, given: Collection[str]) -> list[str]:
     """At what speed a supply that nobody gave holds a motor; nothing: it was given, or there is no motor."""
     if "motor" not in made.parts or any(name.split(".")[-1] in ("v_bus", "supply_voltage") for name in given):
@@ -304,26 +271,6 @@ def _supply(made: Chain, given: Collection[str]) -> list[str]:
     v_bus, k = motor["inverter.v_bus"], motor["winding.k"]
     fastest = f", which holds it below {v_bus / k:.3g} rad/s" if k > 0 else ""
     return [f"the motor's supply of {v_bus:g} V is assumed{fastest}: --set 'motor.v_bus=VALUE'\n"]
-
-
-def _inertia(component: Component) -> float:
-    """What of it turns with the shaft beside it, kg.m2; 0: no parameter says."""
-    of = component.parameters
-    named = (of.get(name) for name in ("rotor.J", "output.J_o", "arm.J_l", "pulley.J_p", "body.J"))
-    hung = sum(of.get(f"{part}.m", 0.0) * of.get(f"{part}.r", 0.0) ** 2 for part in ("arm", "body"))
-    return next((float(J) for J in named if J is not None), 0.0) + hung
-
-
-def _as_good_as_rigid(a: float, b: float) -> tuple[float, float]:
-    """Stiffness and damping of a shaft on which the larger of two inertias would ring at RIGID, and the two against
-    each other with 0.7 of critical damping."""
-    c = max(filter(math.isfinite, (a, b))) * (2 * math.pi * RIGID) ** 2
-    return c, 0.7 * _critical(c, a, b)
-
-
-def _critical(c: float, a: float, b: float) -> float:
-    """Critical damping of two inertias against each other, 2 sqrt(c J); one may be infinite, recorded motion."""
-    return 2 * math.sqrt(c / (1 / a + 1 / b))
 
 
 def _commanded(made: Chain, given: Collection[str]) -> list[str]:

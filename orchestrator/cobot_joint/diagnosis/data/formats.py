@@ -23,6 +23,9 @@ from cobot_joint.errors import UserError, among
 TIME = ("time", "t", "timestamp", "timestamps", "loop_time", "zeit", "elapsed", "elapsed_time")
 TIME_UNITS = ("s", "ms", "us", "ns")  # at the end of such a name
 TIME_NAMES = (*TIME, *(f"{name}_{unit}" for unit in TIME_UNITS for name in TIME))  # the likelier one first
+# a clock that is named by its unit alone; not `s`, which is a way
+NAMED_BY_UNIT = {"ms": "ms", "msec": "ms", "millis": "ms", "milliseconds": "ms", "us": "us", "usec": "us",
+                 "micros": "us", "microseconds": "us", "ns": "ns", "sec": "s", "secs": "s", "seconds": "s"}  # fmt: skip
 TIME_WORDS = {"time", "stamp", "stamps", "timestamp", "timestamps", "zeit", "zeitstempel", "clock", "elapsed", "ts",
               "sec", "seconds"}  # fmt: skip
 ROWS = 16  # a matrix of more rows is a picture or a table of its own
@@ -265,12 +268,13 @@ def _log(
 
 
 def _rising(columns: Mapping[str, Raw]) -> list[str]:
-    """Those that have a word for time in their name (`stamp_s`) and never fall."""
+    """Those that have a word for time in their name (`stamp_s`), or are named by its unit, and never fall."""
 
     def rises(values: NDArray[np.float64] | str) -> bool:
         return not isinstance(values, str) and len(values) > 1 and bool(np.all(np.diff(values) >= 0))
 
-    named = [name for name in columns if TIME_WORDS & set(re.split(r"[^a-z]+", name.lower()))]
+    words = {name: set(re.split(r"[^a-z]+", name.lower())) for name in columns}
+    named = [name for name in columns if TIME_WORDS & words[name] or name.lower() in NAMED_BY_UNIT]
     return [name for name in named if rises(columns[name].values)]
 
 
@@ -301,7 +305,7 @@ def _clock_name(path: Path, names: list[str], likely: list[str], time: str | Non
 def _seconds(path: Path, clock: Raw, time: str | None) -> NDArray[np.float64]:
     stated = split_header(time)[1] if time else None
     named = re.search(f"[_ ]({'|'.join(TIME_UNITS)})$", clock.name.lower())
-    unit = clock.unit or stated or (named[1] if named else None)
+    unit = clock.unit or stated or (named[1] if named else NAMED_BY_UNIT.get(clock.name.lower()))
     assert not isinstance(clock.values, str)
     return np.asarray(convert(clock.values, unit, "s", f"{path}: column {clock.header!r}")[0])
 

@@ -115,9 +115,9 @@ def is_actual(name: str) -> bool:
 
 
 def with_named_unit(column: Channel, connectors: Iterable[Connector]) -> Channel:
-    """With the unit that its name ends with, where its header has none and a connector takes it: `n_rpm`,
-    `torque (Nm)`, `speed in rad/s`."""
-    names = column.name, column.name.lower()
+    """With the unit that its name ends with, or is, where its header has none and a connector takes it: `n_rpm`,
+    `rpm`, `torque (Nm)`, `speed in rad/s`."""
+    names = "_" + column.name, "_" + column.name.lower()
     ends = [unit for suffix, unit in SUFFIXES.items() if any(name.endswith("_" + suffix) for name in names)]
     ends += [u for u, word in WORDED.items() if column.name.endswith(f"_{u}") and word in _words(column.name[:-2])]
     if words := IN_WORDS.search(column.name):

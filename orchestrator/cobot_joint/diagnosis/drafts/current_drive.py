@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from cobot_joint.diagnosis.data.formats import Channel
+from cobot_joint.diagnosis.data.quantity import convert
 from cobot_joint.diagnosis.data.recording import Connector
 from cobot_joint.diagnosis.drafts.campaign_text import (
     PERCENT,
@@ -18,10 +21,12 @@ from cobot_joint.diagnosis.drafts.campaign_text import (
     with_named_unit,
 )
 from cobot_joint.diagnosis.drafts.chain import FORWARD
+from cobot_joint.diagnosis.drafts.starts import RATIO
 from cobot_joint.system.model import Component, System
 from cobot_joint.system.wiring import CURRENT_MODE, shown_by
 
 MOTOR = "motor_bldc"  # unit
+NEAR = 1.35  # within which a factor is taken for a gear's
 
 
 def with_commanded_current(system: System, guesses: Sequence[Guess], channels: Sequence[Channel]) -> list[Guess]:
@@ -47,7 +52,11 @@ def with_commanded_current(system: System, guesses: Sequence[Guess], channels: S
         for column in (asked or measured)[:1]:
             found = [g for g in found if g.column.name != column.name]
             what = "its set value" if asked else "no set value is logged, so that what it gives is what went in"
-            scale = f"{1 / (k * k_i):g} V/(N.m)" if column in torques else f"{1 / k_i:g} V/A"
+            scale = f"{1 / k_i:g} V/A"
+            if column in torques:
+                N = _behind_gear(system, column, next((g.column for g in found if g.connector == shown), None), k)
+                scale = f"{1 / (k * k_i * N):g} V/(N.m)"
+                what += f", {N:.6g} times the motor's by its current" if N != 1 else _if_behind(system, k * k_i)
             found.append(Guess(column, name, f"{motor.name} is in current mode; {what}", scale))
     return found
 
@@ -69,6 +78,33 @@ def percent_of_drive(
             hint = f"; 1 {connector.unit} is a torque of {k * (k_i if asked else 1):g} N.m"
             found[header_of(column)] = Rated(connector, hint)
     return found
+
+
+def _behind_gear(system: System, torque: Channel, current: Channel | None, k: float) -> float:
+    """How many times the motor's torque a column is, by the current that was measured beside it: a robot's controller
+    asks for the joint's, behind the gear. 1: as the motor's, or no current tells."""
+    if current is None or not (current.unit and converts(current.unit, "A")) or not np.ptp(torque.values) > 0:
+        return 1.0
+    amperes, _ = convert(current.values, current.unit, "A", current.name)
+    newton_metres, _ = convert(torque.values, torque.unit, "N.m", torque.name)
+    x, y = newton_metres - np.nanmean(newton_metres), np.interp(torque.time, current.time, amperes)
+    known = np.isfinite(x) & np.isfinite(y)
+    times = 1 / (k * abs(float(x[known] @ y[known]) / float(x[known] @ x[known]) or np.inf))
+    near = [N for N in _ratios(system) if abs(np.log(times / N)) < min(np.log(NEAR), abs(np.log(times)))]
+    return near[0] if near else 1.0
+
+
+def _if_behind(system: System, k: float) -> str:
+    """What a torque's scale is where it is that of the joint, in words; nothing: there is no gear."""
+    others = [f"{1 / (k * N):g} V/(N.m)" for N in _ratios(system)]
+    return f"; if it is the torque behind the gear, {' or '.join(others)}" if others else ""
+
+
+def _ratios(system: System) -> list[float]:
+    """Of gears that step down, without signs."""
+    gears = [c for c in system.components if RATIO in c.unit.variables]
+    ratios = [abs(float(c.parameters.get(RATIO, c.unit.variables[RATIO].start) or 0.0)) for c in gears]
+    return [N for N in ratios if N > 1]
 
 
 def _torques(channels: Sequence[Channel], found: Sequence[Guess]) -> list[Channel]:

@@ -1,4 +1,5 @@
-"""Where a draft's simulation begins: at the position that a log begins at, all shafts that turn with it as well."""
+"""Where a draft's simulation begins: at the position that a log begins at, all shafts that turn with it as well; and
+where nothing drives it, at its speed."""
 
 from __future__ import annotations
 
@@ -43,6 +44,23 @@ def starts(system: System, guesses: Sequence[Guess]) -> dict[str, str]:
                 angle: f"first sample of {connector}" + (f" * {times:.12g}" if times != 1 else "")
                 for angle, times in _with_it(system, name).items()
             }
+    return found | (_coasting(system, guesses) if len(system.components) == 1 else {})
+
+
+def _coasting(system: System, guesses: Sequence[Guess]) -> dict[str, str]:
+    """Of a body that no column drives, the speed at which its log begins."""
+    (body,) = system.components
+    if not system.inputs or any(g.connector in system.inputs for g in guesses):
+        return {}
+    shown = {name: connector for connector, name in shown_by(system).items()}
+    found = {}
+    for state in body.unit.states:
+        variable = state.removeprefix("x_")
+        connector = shown.get(f"{body.name}.{variable}", f"{body.name}.{variable}")
+        logged = next((g.column for g in guesses if g.connector == connector), None)
+        is_speed = variable in body.unit.variables and body.unit.unit_of(variable) in ("rad/s", "m/s")
+        if is_speed and logged is not None and begins_apart(logged.values, 0.0) is not None:
+            found[f"{body.name}.{state}"] = f"first sample of {connector}"
     return found
 
 

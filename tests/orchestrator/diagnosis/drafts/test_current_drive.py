@@ -78,6 +78,26 @@ def test_a_set_torque_goes_in_over_the_torque_constant_and_the_drives_own_torque
     assert np.max(recording.inputs["v_command"]) == pytest.approx(0.5 / k, rel=1e-3)
 
 
+@pytest.mark.parametrize(("times", "behind"), [(1.0, False), (50.0, True), (7.0, False)])
+def test_a_set_torque_is_the_joint_s_where_the_current_says_that_it_is_so_many_times_the_motor_s(
+    tmp_path: Path, cobot_joint: Callable[..., Done], times: float, behind: bool
+) -> None:
+    """A leg's controller asked for 6 times the motor's, and `diagnose` said that the current was read wrongly."""
+    given = ["--set", "motor.drive.mode=current", "--set", "motor.k=0.1", "--set", "gear.N=50"]
+    assert cobot_joint("new", "--chain", "motor,gear,load", "--out", "m", *given).returncode == 0
+    amperes = 2 * np.sin(9 * T)
+    rows = np.column_stack([T, 0.1 * times * amperes, amperes, np.cos(9 * T)])
+    np.savetxt(
+        tmp_path / "a.csv", rows, delimiter=",", header="t [s],torque_cmd [Nm],iq [A],w_load [rad/s]", comments=""
+    )
+    assert cobot_joint("inspect", "a.csv", "--system", "m/system.ssd", "--out", "f").returncode == 0
+    text = (tmp_path / "f/campaign.toml").read_text()
+    line = next(line for line in text.splitlines() if line.startswith('"torque_cmd'))
+    assert f'scale = "{0.2 if behind else 10:g} V/(N.m)"' in line
+    assert ("50 times the motor's by its current" in line) == behind
+    assert ("if it is the torque behind the gear, 0.2 V/(N.m)" in line) == (not behind)
+
+
 def test_a_measured_torque_goes_in_where_no_set_value_is_logged(
     tmp_path: Path, cobot_joint: Callable[..., Done]
 ) -> None:

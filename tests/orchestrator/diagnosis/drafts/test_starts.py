@@ -47,6 +47,20 @@ def test_a_screws_way_begins_where_its_log_does() -> None:
     assert starts(chain(["motor", "screw"]).system, [logged("s", 0.05, "m")]) == {"screw.s": "first sample of s"}
 
 
+def test_a_body_that_no_column_drives_coasts_from_the_speed_at_which_its_log_begins() -> None:
+    """Its draft asked for a line in [initial] and did not write it."""
+    load = chain(["load"]).system
+    t = 0.01 * np.arange(2000)
+    speed = Guess(Channel("n", "rpm", t, 800 * np.exp(-t)), "w_load", "")
+    assert starts(load, [speed]) == {"load.x_w": "first sample of w_load"}
+    torque = Guess(Channel("tau", "N.m", t, np.sin(t)), "tau", "")
+    assert starts(load, [speed, torque]) == {}
+    at_rest = Guess(Channel("n", "rpm", t, np.sin(t)), "w_load", "")
+    assert starts(load, [at_rest]) == {}
+    swings = {"link.phi_p": "first sample of phi_link"}
+    assert starts(chain(["link"]).system, [logged("phi_link", 0.8)]) == swings
+
+
 def test_no_spring_is_wound_up_where_a_drafted_simulation_begins() -> None:
     """Without gravity and drive, nothing moves; from the arm's angle alone the shaft would throw it back."""
     system = arm(gravity=False)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cobot_joint.cosim.clock import Clock
 from cobot_joint.cosim.instances import Instance, SimulationError
 from cobot_joint.cosim.plan import Plan, PlannedUnit, Wire
+from cobot_joint.cosim.reference.inputs import SampledInputs
 from cobot_joint.cosim.reference.signals import (
     Past,
     Polynomial,
@@ -29,7 +30,6 @@ from cobot_joint.system.model import Inputs
 
 DISCARD = 2  # fmi2Discard: a shorter step might do; of slopes before the first step, not known yet
 LAST_STAIR = 1e-3  # of a step
-AT_TICK = 1e-6  # of a step, by which a sample may miss the tick that it is at
 CALM = 8  # steps after one that was taken back, before steps may grow again
 
 
@@ -38,9 +38,7 @@ class Master:
 
     def __init__(self, plan: Plan, scheme: Scheme, inputs: Inputs, clock: Clock, breaks: NDArray[np.int64]) -> None:
         self.plan, self.scheme = plan, scheme
-        self.sample_time = [float(t) for t in inputs.time]
-        self.samples = [[float(x) for x in row] for row in inputs.values.values()]
-        self.held = [name in inputs.held for name in inputs.values]
+        self.inputs = SampledInputs(inputs, clock.step)
         self.start_time, self.step_size = clock.start, clock.step
         self.ticks_per_record, self.max_stride = clock.per_row, clock.stride
         self.breaks = [int(tick) for tick in breaks]
@@ -56,7 +54,7 @@ class Master:
     def begin(self) -> None:
         """Tick 0, from the units' present state."""
         self.tick, self.stride, self.known, self.calm, self._rows = 0, 1, 1, 0, 0
-        self.sample = self._sample_before(0, self._time(0))
+        self.sample = self.inputs.sample_before(0, self._time(0))
         for unit in self.plan.units:
             self._get_outputs(unit)
             try:
@@ -90,12 +88,12 @@ class Master:
     def record(self, row: NDArray[np.float64]) -> None:
         """The present point; `row`: float64[recorded signals], filled."""
         t = self._time(self.tick)
-        k = self._sample_before(self.sample, t)
+        k = self.inputs.sample_before(self.sample, t)
         for unit in self.plan.units:
             self._get_watched(unit)
         for j, wire in enumerate(self.plan.recorded):
             n = wire.signal - self.plan.n_outputs
-            y = self.y[wire.signal] if n < 0 else self._input_at(n, k, t)
+            y = self.y[wire.signal] if n < 0 else self.inputs.at(n, k, t)
             row[j] = wire.factor * y + wire.offset
         self._rows += 1
 
@@ -354,13 +352,11 @@ class Master:
 
     def _follow_inputs(self, t: float, t_end: float, h: float) -> None:
         """Chords of the system's inputs, or what is held at the step's begin; exact where no sample lies inside."""
-        self.sample = self._sample_before(self.sample, t)
-        k_end = self._sample_before(self.sample, t_end)
-        for j, samples in enumerate(self.samples):
-            if self.held[j]:
-                self.p[self.plan.n_outputs + j] = constant(self._input_at(j, self.sample, t))
-                continue
-            begin, end = self._sample_at(samples, self.sample, t), self._sample_at(samples, k_end, t_end)
+        self.sample = self.inputs.sample_before(self.sample, t)
+        k_end = self.inputs.sample_before(self.sample, t_end)
+        for j in range(len(self.plan.inputs)):
+            begin = self.inputs.at(j, self.sample, t)
+            end = begin if self.inputs.held[j] else self.inputs.at(j, k_end, t_end)
             self.p[self.plan.n_outputs + j] = line(begin, end, h)
 
     def _coupling_error(self, h: float) -> float:
@@ -388,23 +384,3 @@ class Master:
 
     def _time(self, tick: int) -> float:
         return self.start_time + tick * self.step_size
-
-    def _sample_before(self, k: int, t: float) -> int:
-        while k + 1 < len(self.sample_time) and self.sample_time[k + 1] <= t:
-            k += 1
-        return k
-
-    def _held_since(self, k: int, t: float) -> int:
-        """The sample from which on inputs that hold theirs do: the one at a tick, however times are rounded."""
-        return self._sample_before(k, t + AT_TICK * self.step_size)
-
-    def _input_at(self, n: int, k: int, t: float) -> float:
-        return self.samples[n][self._held_since(k, t)] if self.held[n] else self._sample_at(self.samples[n], k, t)
-
-    def _sample_at(self, samples: list[float], k: int, t: float) -> float:
-        time = self.sample_time
-        if t <= time[0]:
-            return samples[0]
-        if k + 1 >= len(time):
-            return samples[-1]
-        return samples[k] + (samples[k + 1] - samples[k]) * ((t - time[k]) / (time[k + 1] - time[k]))

@@ -50,23 +50,6 @@ def test_csv_is_read_whatever_its_delimiter_and_decimal_sign(tmp_path: Path, del
     assert np.allclose(channel.time, T)
 
 
-@pytest.mark.parametrize(("name", "per_second"), [("ms", 1e3), ("Millis", 1e3), ("us", 1e6), ("sec", 1.0)])
-def test_a_clock_may_be_named_by_its_unit_alone(tmp_path: Path, name: str, per_second: float) -> None:
-    """`ms;u_motor [V];rpm` was taken for a table of steady states."""
-    rows = [f"{name},rpm"] + [f"{per_second * t:.6g},{w}" for t, w in zip(T, W, strict=True)]
-    (tmp_path / "a.csv").write_text("\n".join(rows))
-    log = read_log(tmp_path / "a.csv")
-    assert (log.clock, log.names) == (name, ["rpm"])
-    assert np.allclose(log.channels[0].time, T, atol=1e-6)
-
-
-def test_a_way_or_a_count_of_ms_in_a_log_is_no_clock(tmp_path: Path) -> None:
-    rows = ["s,latency_ms"] + [f"{t},3" for t in T]
-    (tmp_path / "a.csv").write_text("\n".join(rows))
-    with pytest.raises(UserError, match="no time column; columns are s, latency_ms"):
-        read_log(tmp_path / "a.csv")
-
-
 def test_csv_with_absolute_time_stamps_counts_seconds_from_the_first(tmp_path: Path) -> None:
     start = datetime.datetime(2024, 5, 3, 12)
     rows = ["timestamp,w"] + [

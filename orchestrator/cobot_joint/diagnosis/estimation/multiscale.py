@@ -83,19 +83,26 @@ def _led_out(problem: Problem, found: Fit, slowest_first: Sequence[Averaged], pr
 def _leads_on(problem: Problem, found: Fit, at: Fit) -> bool:
     """Whether all rows, fitted on from where their slow part is best, are predicted to leave less than before: not
     where another form is missing, as on nearly every machine of which something is."""
+    return _predicted(at) < found.cost - LEADS * max(found.cost - problem.samples, 0.0)
+
+
+def _predicted(at: Fit) -> float:
+    """The cost that all rows are predicted to leave from there."""
     there = replace(at, chi2=float(at.residual @ at.residual))
-    worth = LEADS * max(found.cost - problem.samples, 0.0)
-    return there.cost - predicted_decrease(there) < found.cost - worth
+    return there.cost - predicted_decrease(there)
 
 
-def slow_first(problem: Problem, hypothesis: Hypothesis, x: Vector, precision: Precision) -> Fit | None:
-    """A fit that begins far from where it belongs. None: the start cannot be simulated."""
+def slow_first(
+    problem: Problem, hypothesis: Hypothesis, x: Vector, precision: Precision, most: float = np.inf
+) -> Fit | None:
+    """A fit that begins far from where it belongs. None: the start cannot be simulated, or where its slow part is best,
+    all rows are predicted to leave more than `most`."""
     at: Fit | None = None
-    for each, wanted in [*((slow, ON_THE_WAY) for slow in scales(problem)), (problem, precision)]:
-        at = fit_on(each, at, wanted) if at is not None else fit(each, hypothesis, x, None, wanted)
-        if at is None:
+    for slow in scales(problem):
+        at = fit_on(slow, at, ON_THE_WAY) if at is not None else fit(slow, hypothesis, x, None, ON_THE_WAY)
+        if at is None or _predicted(at) > most:
             return None
-    return at
+    return fit_on(problem, at, precision) if at is not None else fit(problem, hypothesis, x, None, precision)
 
 
 def slow_part(problem: Problem) -> Averaged | None:

@@ -71,7 +71,7 @@ class Bench:
         self.range = {s: max(float(np.ptp(o[s])) for o in self.there if s in o) for s in self.signals}
         self.new = [s for s in self.signals if self.range[s] > 0 and not self._logged_already(s)]
         self.effect = self._differences(run, 1.0)
-        self.base = [self._differences(moved, self.problem.step) for moved in self._moved(self.without)]
+        self.base = [self._differences(moved, step) for moved, step in self._moved(self.without)]
 
     def separations(self, alternative: TermCandidate) -> dict[str, dict[str, float]]:
         """Experiment -> additional channel ("": none) -> chi-square that the re-fitted alternative leaves of it."""
@@ -95,11 +95,12 @@ class Bench:
             for channel in self.problem.noise
         )
 
-    def _moved(self, run: Run) -> Iterator[Run]:
-        """Every re-fittable parameter by a step of its tolerance."""
+    def _moved(self, run: Run) -> Iterator[tuple[Run, float]]:
+        """Every re-fittable parameter by a step, of its tolerance, that stays inside: an efficiency of 1 goes down."""
         for f in self.free:
-            value = run.values[f.parameter.name] + self.problem.step * (f.upper - f.lower) / 2
-            yield replace(run, values={**run.values, f.parameter.name: value})
+            value, half = run.values[f.parameter.name], (f.upper - f.lower) / 2
+            step = self.problem.step if value + self.problem.step * half <= f.upper else -self.problem.step
+            yield replace(run, values={**run.values, f.parameter.name: value + step * half}), step
 
     def _alternatives(self, run: Run, term: TermCandidate) -> Iterator[list[tuple[Run, float]]]:
         """Per shape: the term switched on a little, twice if it has a phase."""

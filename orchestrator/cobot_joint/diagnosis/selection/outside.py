@@ -326,8 +326,9 @@ def leaves_least(problem: Problem, calibrated: Fit, least: float, tried: int = T
         return best
     values = values_from_afar(problem, calibrated)[:tried]
     far = [free for name, value in values for free in _freed(calibrated, {name: value}, at_bounds=False)]
-    fits = [slow_first(problem, free.hypothesis, free.x, finished(1)) for free in far]
-    return _lowest([best, *(each for each in fits if each and calibrated.cost - each.cost > least)])
+    most = calibrated.cost - least
+    fits = [slow_first(problem, free.hypothesis, free.x, finished(1), most) for free in far]
+    return _lowest([best, *(each for each in fits if each and each.cost < most)])
 
 
 def _nearby(problem: Problem, calibrated: Fit, least: float, tried: int) -> Fit | None:

@@ -33,6 +33,21 @@ def found() -> tuple[Problem, Fit]:
     return problem, best
 
 
+def test_no_experiment_has_a_parameter_beyond_the_end_of_its_range() -> None:
+    """An efficiency that was fitted as 1 went to 1.0045, and a diagnosis of three minutes ended with an error."""
+    problem, best = found()
+    values = [best.run.values[f.parameter.name] for f in best.hypothesis.base]
+    ends = tuple(
+        replace(f, upper=value) for f, value in zip(best.hypothesis.base, values, strict=True) if value > f.lower
+    )
+    assert ends
+    at_ends = replace(best, hypothesis=replace(best.hypothesis, base=ends))
+    bench = Bench(problem, at_ends, best.hypothesis.terms[0])
+    for f, (moved, step) in zip(ends, bench._moved(bench.without), strict=True):
+        assert f.lower <= moved.values[f.parameter.name] < f.upper
+        assert step < 0
+
+
 def finding(*equivalent: str) -> Finding:
     return Finding(ASYMMETRY.name, equivalent, 0.9, None, {}, {}, 1000.0)
 

@@ -216,7 +216,7 @@ def new(
     """Write a readable system (.ssd) and a campaign for a machine of your own."""
     from cobot_joint.diagnosis.drafts.chain import Chain, with_data_sheet, write_readable
     from cobot_joint.diagnosis.drafts.chain import chain as make
-    from cobot_joint.diagnosis.drafts.shafts import mesh_in_words, shaft_in_words, with_stiff_shaft
+    from cobot_joint.diagnosis.drafts.shafts import mesh_in_words, shaft_in_words, with_stiff_parts
     from cobot_joint.system.read import load_system
 
     if (chain is None) == (from_ is None):
@@ -224,7 +224,7 @@ def new(
     parts = [n.strip() for n in (chain or "").split(",")]
     made = make(parts) if chain is not None else Chain(load_system(str(from_)), {})
     values = dict(_assignment(text) for text in set_ or [])
-    made = with_stiff_shaft(with_data_sheet(made, values), values)
+    made = with_stiff_parts(with_data_sheet(made, values), values)
     if chain is not None and not made.system.inputs:
         raise UserError(
             f"new: --chain {chain} is given, and nothing drives its first part; motor, loop, motion, load, link, "

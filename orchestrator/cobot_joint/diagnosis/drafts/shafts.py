@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 from cobot_joint.diagnosis.drafts.chain import Chain
@@ -11,20 +11,40 @@ from cobot_joint.system.model import Component
 
 RIGID = 100.0  # Hz, above what a drive's loop follows
 HARDLY = 50.0  # times a shaft's stiffness, of a mesh that takes a fiftieth of it away
+MESH = {"gear.c", "gear.mesh.c", "gear.stiffness"}  # names of its stiffness that --set takes
 STIFFNESS, DAMPING = "shaft.c_s", "shaft.d_s"
 
 
-def with_stiff_shaft(made: Chain, given: Collection[str]) -> Chain:
+def with_stiff_parts(made: Chain, given: Collection[str]) -> Chain:
+    """With a shaft, and beside a series elastic element a gear's mesh, that hardly give where nobody said how stiff."""
+    return _with_stiff_mesh(_with_stiff_shaft(made, given), given)
+
+
+def _with_stiff_mesh(made: Chain, given: Collection[str]) -> Chain:
+    """The bench's gear took a tenth of a robot's spring of 320 N.m/rad away: more than that may be off."""
+    if not {"gear", "elastic"} <= made.parts.keys() or MESH & {*given}:
+        return made
+    mesh, spring = (made.system.component(name).parameters for name in ("gear", "elastic"))
+    times = HARDLY * float(spring["spring.c"]) / float(mesh["mesh.c"])
+    own = {name: float(f"{times * float(mesh[name]):.3g}") for name in ("mesh.c", "mesh.d_g") if name in mesh}
+    return _with(made, "gear", own) if times > 1 else made
+
+
+def _with(made: Chain, name: str, values: Mapping[str, float]) -> Chain:
+    """With other values of a component."""
+    changed = [
+        replace(c, parameters={**c.parameters, **values}) if c.name == name else c for c in made.system.components
+    ]
+    return replace(made, system=replace(made.system, components=tuple(changed)))
+
+
+def _with_stiff_shaft(made: Chain, given: Collection[str]) -> Chain:
     """With a coupling that hardly gives, as most do, where nobody gave its stiffness and the inertias beside it are
     known. A leg's drive on a shaft of 20 N.m/rad had no answer in nine minutes, and on this one the right one."""
     if "shaft" not in made.parts or STIFFNESS in given or min(inertias := _beside(made)) <= 0:
         return made
     c, d = (float(f"{x:.3g}") for x in _as_good_as_rigid(*inertias))
-    shaft = made.system.component("shaft")
-    own = {STIFFNESS: c} if DAMPING in given else {STIFFNESS: c, DAMPING: d}
-    stiff = replace(shaft, parameters={**shaft.parameters, **own})
-    components = tuple(stiff if component is shaft else component for component in made.system.components)
-    return replace(made, system=replace(made.system, components=components))
+    return _with(made, "shaft", {STIFFNESS: c} if DAMPING in given else {STIFFNESS: c, DAMPING: d})
 
 
 def shaft_in_words(made: Chain, given: Collection[str]) -> list[str]:
@@ -46,11 +66,15 @@ def shaft_in_words(made: Chain, given: Collection[str]) -> list[str]:
 
 
 def mesh_in_words(made: Chain, given: Collection[str]) -> list[str]:
-    """What a gear's stiffness that nobody gave makes of a shaft's that somebody did; nothing: it hardly gives."""
-    named = {"gear.c", "gear.mesh.c", "gear.stiffness"} & {*given}
-    if named or "shaft.c_s" not in given or "gear" not in made.parts:
+    """A gear's stiffness that nobody gave, beside a spring, or what it makes of a shaft's that was given; nothing: it
+    hardly gives."""
+    if MESH & {*given} or "gear" not in made.parts:
         return []
     mesh = made.system.component("gear").parameters["mesh.c"]
+    if "elastic" in made.parts:
+        return [f"the gear's mesh of {mesh:g} N.m/rad is assumed, beside the spring: --set 'gear.mesh.c=VALUE'\n"]
+    if "shaft.c_s" not in given:
+        return []
     shaft = made.system.component("shaft").parameters["shaft.c_s"]
     if mesh > HARDLY * shaft:
         return []

@@ -324,9 +324,8 @@ def leaves_least(problem: Problem, calibrated: Fit, least: float, tried: int = T
     best = _nearby(problem, calibrated, least, tried)
     if not problem.stands_out((best or calibrated).residual):
         return best
-    values = values_from_afar(problem, calibrated)[:tried]
+    values, most = values_from_afar(problem, calibrated)[:tried], calibrated.cost - least
     far = [free for name, value in values for free in _freed(calibrated, {name: value}, at_bounds=False)]
-    most = calibrated.cost - least
     fits = [slow_first(problem, free.hypothesis, free.x, finished(1), most) for free in far]
     return _lowest([best, *(each for each in fits if each and each.cost < most)])
 

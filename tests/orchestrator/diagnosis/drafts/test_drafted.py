@@ -231,6 +231,19 @@ def test_a_shaft_whose_stiffness_nobody_gave_is_a_coupling_that_hardly_gives(
     assert (said in " ".join(done.stdout.split())) == ("shaft.c_s" not in given)
 
 
+@pytest.mark.parametrize(("given", "c", "d"), [((), 16000.0, 2.67), (("gear.mesh.c=9000",), 9000.0, 0.5)])
+def test_beside_a_series_elastic_spring_a_gear_whose_stiffness_nobody_gave_hardly_gives(
+    cobot_joint: Callable[..., Done], given: tuple[str, ...], c: float, d: float
+) -> None:
+    """The bench's 3000 N.m/rad took a tenth of it away."""
+    sets = [word for value in ("elastic.spring.c=320", *given) for word in ("--set", value)]
+    done = cobot_joint("new", "--chain", "motor,gear,elastic,link", "--out", "elbow", *sets)
+    assert done.returncode == 0, done.stderr
+    mesh = load_system("elbow/system.ssd").component("gear").parameters
+    assert (mesh["mesh.c"], mesh.get("mesh.d_g", 0.5)) == pytest.approx((c, d), rel=5e-3)
+    assert ("the gear's mesh of 16000 N.m/rad is assumed, beside the spring" in done.stdout) == (not given)
+
+
 @pytest.mark.parametrize(("given", "told"), [((), True), (("gear.stiffness=4e4",), False)])
 def test_a_gear_s_stiffness_that_nobody_gave_is_said_beside_a_shaft_s_that_was_given(
     cobot_joint: Callable[..., Done], given: tuple[str, ...], told: bool

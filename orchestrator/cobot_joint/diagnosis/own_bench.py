@@ -122,7 +122,7 @@ def _first_campaign(
     )
     from cobot_joint.diagnosis.drafts.constant_speeds import as_table
     from cobot_joint.diagnosis.drafts.current_drive import nominal_beside, percent_of_drive
-    from cobot_joint.diagnosis.drafts.more_guesses import guesses_of, with_only_place
+    from cobot_joint.diagnosis.drafts.more_guesses import guesses_of, with_only_place, with_rates
     from cobot_joint.diagnosis.drafts.starts import starts
     from cobot_joint.system.read import load_system
     from cobot_joint.system.wiring import driving, unwired
@@ -155,6 +155,7 @@ def _first_campaign(
     channels = list({c.name: c for i in found for c in i.log.channels}.values())
     unusable = {name: why for i in found for name, why in i.log.unusable.items()}
     guesses = with_only_place(guesses, every, left_over(own, channels, guesses, offered), channels)
+    guesses = with_rates(own, guesses, every, left_over(own, channels, guesses, offered), columns)
     left = left_over(own, channels, guesses, offered)
     drafted = Columns(guesses, wanted, left, percent, unusable, nominal_beside(own, guesses), starts(own, guesses))
     files = [Path(os.path.relpath(log, folder)).as_posix() for log in logs]

@@ -10,8 +10,10 @@ from cobot_joint.diagnosis.checks.beside_nominal import Simulate, Vector
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.data.suspicion import Suspicion
 from cobot_joint.system.model import Component, System
+from cobot_joint.system.shafts import turning_with
 
 LIMITED = {"drive.w_max": "w", "drive.i_peak": "i"}  # parameter, 0: no limit -> the output that it limits
+RATES = {"phi": "w", "phi_o": "w_o", "phi_p": "w_p", "s": "v"}  # of positions
 BEYOND = 1.05  # of a limit, that a recording is beyond it; within as much the simulation is held there
 OVERRUN = 1.25  # times the supply, that a back-EMF is beyond it: a motor's constant and a supply are known to a tenth
 MOSTLY = 0.99  # of a recording, that its largest value is taken of: a sample alone is no motion
@@ -62,15 +64,20 @@ def _beyond_supply(
 
 
 def _supplies(system: System, r: Recording) -> Iterator[tuple[str, str, tuple[float, float]]]:
-    """Recorded speeds of motors with the parameter that is their supply's voltage; (v_bus, k)."""
+    """Recorded speeds of motors, and of what turns with them, with the parameter that is their supply's voltage;
+    (v_bus, back-EMF over that speed)."""
     for component in system.components:
         if not {"inverter.v_bus", "winding.k", "w"} <= component.unit.variables.keys():
             continue
-        name = _shown(system, component, "w")
-        if name in r.outputs:
+        turning = turning_with(system, f"{component.name}.phi")
+        speeds = {_shown(system, system.component(c), RATES[v]): times for n, times in turning.items()
+                  for c, v in [n.split(".", 1)] if v in RATES}  # fmt: skip
+        for name, times in speeds.items():
+            if name not in r.outputs:
+                continue
             full = [f"{component.name}.{parameter}" for parameter in ("inverter.v_bus", "winding.k")]
             v_bus, k = (r.initial.get(f, _value(component, f.split(".", 1)[1])) for f in full)
-            yield name, full[0], (v_bus, abs(k))
+            yield name, full[0], (v_bus, abs(k / times))
 
 
 def _limits(system: System, r: Recording) -> Iterator[tuple[str, str, float]]:

@@ -134,12 +134,12 @@ def guess(channels: Sequence[Channel], connectors: Mapping[str, Connector], logg
     channels = [with_named_unit(c, connectors.values()) for c in channels]
     for channel in channels:
         named = channel.unit and channel.name not in in_brackets
-        fitting = [c for c in connectors.values() if _fits(channel, c)]
+        fitting = [c for c in connectors.values() if fits(channel, c)]
         for connector in fitting:
             likeness = _likeness(channel.name, connector.name)
             only = channel.unit is not None and len(fitting) == 1
             if likeness >= ALIKE or only:
-                others = [c.name for c in channels if c is not channel and c.unit and _fits(c, connector)]
+                others = [c.name for c in channels if c is not channel and c.unit and fits(c, connector)]
                 by_unit = f"by its unit, as {among(others, 3)} could be" if others else "the only one in this unit"
                 why = "by its name" if likeness >= ALIKE else by_unit
                 why += "" if channel.unit else f"; no unit is given, [{connector.unit or 1}] is taken"
@@ -166,7 +166,7 @@ def _only_ones_left(
     """Of columns with a unit and connectors without a column, those that have nobody else."""
     columns = [c for c in channels if c.unit and c not in [g.column for g in chosen.values()]]
     left = [c for c in connectors.values() if c.name not in chosen and c.unit]
-    fitting = {c.name: [column for column in columns if _fits(column, c)] for c in left}
+    fitting = {c.name: [column for column in columns if fits(column, c)] for c in left}
     return [
         Guess(columns[0], name, "the only one left in this unit")
         for name, columns in fitting.items()
@@ -182,7 +182,7 @@ def _motors_own(
     columns = [c for c in channels if c.unit and c not in [g.column for g in chosen.values()]]
     found = []
     for column in columns:
-        fitting = [c for c in connectors.values() if c.name not in chosen and c.unit and _fits(column, c)]
+        fitting = [c for c in connectors.values() if c.name not in chosen and c.unit and fits(column, c)]
         own = [c.name for c in fitting if c.causality == "output" and "motor" in _words(c.name)]
         others = [c for c in columns if c is not column and converts(c.unit, column.unit)]
         nobodys = not names_a_part(column.name) and all(names_a_part(c.name) for c in others)
@@ -255,7 +255,7 @@ def header_of(column: Channel) -> str:
     return column.name + (f" [{column.unit}]" if column.unit else "")
 
 
-def _fits(column: Channel, connector: Connector) -> bool:
+def fits(column: Channel, connector: Connector) -> bool:
     """By its unit, and what was asked of the machine is not what it did, nor the other way round."""
     asked = connector.causality == "output" and is_command(column.name)
     done = connector.causality == "input" and is_command(connector.name) and is_actual(column.name)

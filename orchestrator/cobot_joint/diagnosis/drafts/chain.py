@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -175,6 +176,8 @@ def chain(names: Sequence[str], name: str = "bench") -> Chain:
     wires = [wire for a, b in pairwise(names) for wire in _wires(a, b, units)]
     inputs, outputs = {}, {}
     for n, part in parts.items():
+        if n == "loop" and "screw" in names:
+            part = replace(part, feeds={"s_command": ("s_ref", "wanted displacement of the carriage")})
         if n == names[0] and part.before is not None and "before" in part.moves:  # no part drives it: a torque does
             part = replace(part, feeds={"tau": (part.before[2], "torque that drives it"), **part.feeds})
         fed = {(w.sink_component, w.sink) for w in wires}
@@ -267,7 +270,16 @@ def with_data_sheet(made: Chain, given: Mapping[str, str]) -> Chain:
     system = with_values({"": made.system}, values, "--set")[""]
     drives = [c.name for c in system.components if c.parameters.get("drive.mode") == CURRENT_MODE]
     forward = {f"{name}.{FORWARD}": 1.0 for name in drives if f"{name}.{FORWARD}" not in values}
-    return replace(made, system=with_values({"": system}, forward, "--set")[""])
+    return replace(made, system=with_values({"": system}, {**_lead(system), **values, **forward}, "--set")[""])
+
+
+def _lead(system: System) -> dict[str, float]:
+    """What a servo controller that is asked for a carriage's displacement knows of the way there: the screw's lead over
+    the ratios of gears before it. Nothing: it is asked for an angle."""
+    if "s_command" not in system.inputs:
+        return {}
+    ratios = [float(c.parameters["ratio.N"]) for c in system.components if "ratio.N" in c.parameters]
+    return {"loop.gains.lead": float(system.component("screw").parameters["body.lead"]) / abs(math.prod(ratios))}
 
 
 def _parameter(key: str, wanted: str, unit: Unit) -> str:

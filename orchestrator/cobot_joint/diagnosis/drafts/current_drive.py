@@ -21,8 +21,8 @@ from cobot_joint.diagnosis.drafts.campaign_text import (
     with_named_unit,
 )
 from cobot_joint.diagnosis.drafts.chain import FORWARD
-from cobot_joint.diagnosis.drafts.starts import RATIO
 from cobot_joint.system.model import Component, System
+from cobot_joint.system.shafts import RATIO
 from cobot_joint.system.wiring import CURRENT_MODE, shown_by
 
 MOTOR = "motor_bldc"  # unit
@@ -67,7 +67,9 @@ def percent_of_drive(
     """With columns in % of a torque that are nothing else: the set value of a drive in current mode, its current."""
     found, taken = dict(known), {g.connector for g in guesses} | {r.connector.name for r in known.values()}
     used = {g.column.name for g in guesses}
-    for name, motor in _commands(system).items():
+    commands = _commands(system)
+    behind_loops = [("", c) for c in _drives(system).values() if c not in commands.values()]  # told by no input
+    for name, motor in (*commands.items(), *behind_loops):
         k_i, k, shown = _value(motor, "drive.k_i") or 1.0, _value(motor, "winding.k"), _shown(system, motor)
         for column in (c for c in channels if c.unit in PERCENT and is_torque(c.name) and c.name not in used):
             asked = is_command(column.name)
@@ -133,12 +135,17 @@ def nominal_beside(system: System, guesses: Sequence[Guess]) -> dict[str, float]
 
 def _commands(system: System) -> dict[str, Component]:
     """Inputs of the system that are set values of drives in current mode, and whose."""
-    drives = {c.name: c for c in system.components if c.unit.name == MOTOR}
+    drives = _drives(system)
     return {
         wire.source: drives[wire.sink_component]
         for wire in system.connections
         if wire.source_component is None
         and wire.sink_component in drives
         and drives[wire.sink_component].unit.unit_of(wire.sink) == "V"
-        and drives[wire.sink_component].parameters.get("drive.mode") == CURRENT_MODE
     }
+
+
+def _drives(system: System) -> dict[str, Component]:
+    """Motors whose drive is in current mode, by name."""
+    motors = [c for c in system.components if c.unit.name == MOTOR]
+    return {c.name: c for c in motors if c.parameters.get("drive.mode") == CURRENT_MODE}

@@ -13,7 +13,7 @@ from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.diagnosis.data.parameters import imposed, place_of
 from cobot_joint.diagnosis.data.quantity import convert
 from cobot_joint.diagnosis.data.recording import Connector
-from cobot_joint.diagnosis.drafts.campaign_text import Guess, converts, guess, header_of
+from cobot_joint.diagnosis.drafts.campaign_text import PERCENT, Guess, converts, fits, guess, header_of
 from cobot_joint.diagnosis.drafts.current_drive import with_commanded_current
 from cobot_joint.system.model import System
 from cobot_joint.system.wiring import shown_by
@@ -35,12 +35,14 @@ def guesses_of(
 
 
 def _driving(guesses: Sequence[Guess], connectors: Mapping[str, Connector], columns: Sequence[Channel]) -> list[Guess]:
-    """The one column that can be the system's one input, where that has none: motion in, torque out."""
+    """The one column that can be the system's one input, where that has none: motion in, torque out. Not one in % of a
+    rated value that nobody knows, nor what the machine did for what it was asked."""
     inputs = [c for c in connectors.values() if c.causality == "input" and c.unit]
     used = {g.column.name for g in guesses}
     if len(inputs) != 1 or inputs[0].name in {g.connector for g in guesses}:
         return []
-    fitting = [c for c in columns if c.unit and c.name not in used and converts(c.unit, inputs[0].unit)]
+    free = [c for c in columns if c.unit and c.unit not in PERCENT and c.name not in used]
+    fitting = [c for c in free if fits(c, inputs[0])]
     return [Guess(c, inputs[0].name, "nothing else can drive the system") for c in fitting if len(fitting) == 1]
 
 
@@ -112,6 +114,28 @@ def is_stairs(x: NDArray[np.float64]) -> bool:
         return False
     alone = (change[jumps - 1] == 0) & (change[jumps + 1] == 0)
     return bool(np.mean(alone) >= ALONE and np.median(change[jumps]) > WIDE * quantisation_step(x[np.isfinite(x)]))
+
+
+def with_rates(
+    system: System,
+    guesses: Sequence[Guess],
+    connectors: Mapping[str, Connector],
+    left: Mapping[str, Sequence[str]],
+    channels: Iterable[Channel],
+) -> list[Guess]:
+    """A column that is the rate of a position that was guessed is the speed of that part, where the part has one more:
+    a carriage's. connectors, left: as in `with_only_place`."""
+    shown = shown_by(system)
+    places = {shown.get(g.connector, g.connector).split(".")[0]: g for g in guesses
+              if g.connector in connectors and connectors[g.connector].unit in PLACES}  # fmt: skip
+    found, by_header = list(guesses), {header_of(c): c for c in channels}
+    for header, names in left.items():
+        own = [n for n in names if n.split(".")[0] in places and connectors[n].causality == "output"]
+        own = [n for n in own if connectors[n].unit in SPEEDS]
+        place = places[own[0].split(".")[0]] if len(own) == 1 else None
+        if place is not None and header in by_header and _is_rate_of(by_header[header], place.column):
+            found.append(Guess(by_header[header], own[0], f"it is the rate of {header_of(place.column)!r}"))
+    return found
 
 
 def with_only_place(

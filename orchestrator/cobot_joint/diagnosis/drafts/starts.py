@@ -3,23 +3,13 @@ where nothing drives it, at its speed."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
 
 from cobot_joint.diagnosis.data.conditioning import begins_apart
 from cobot_joint.diagnosis.drafts.campaign_text import Guess
-from cobot_joint.system.model import Component, System
+from cobot_joint.system.model import System
+from cobot_joint.system.shafts import turning_with
 from cobot_joint.system.wiring import shown_by
-
-RATIO, MODE = "ratio.N", "ratio.from"  # of a gear, phi = N phi_o; where it comes from, 1: that value
-
-
-class Link(NamedTuple):
-    """Two angles of which, with every spring relaxed, the second is so many times the first."""
-
-    a: str  # component.variable
-    b: str
-    times: float
 
 
 def starts(system: System, guesses: Sequence[Guess]) -> dict[str, str]:
@@ -65,32 +55,10 @@ def _coasting(system: System, guesses: Sequence[Guess]) -> dict[str, str]:
 
 
 def _with_it(system: System, place: str) -> dict[str, float]:
-    """States that turn with a position, itself among them -> how many times as far."""
-    links = [*_wires(system), *(link for c in system.components for link in _inside(c))]
-    reached, left = {place: 1.0}, [place]
-    while left:
-        here = left.pop()
-        for a, b, times in (*links, *(Link(b, a, 1 / times) for a, b, times in links)):
-            if a == here and b not in reached:
-                reached[b] = reached[here] * times
-                left.append(b)
-    states = {f"{c.name}.{state}" for c in system.components for state in c.unit.states}
-    return {name: times for name, times in reached.items() if name in states or name == place}
-
-
-def _wires(system: System) -> Iterator[Link]:
-    for w in system.connections:
-        if w.source_component is None or w.sink_component is None or w.factor == 0 or w.offset != 0:
-            continue
-        if system.component(w.source_component).unit.unit_of(w.source) == "rad":
-            yield Link(f"{w.source_component}.{w.source}", f"{w.sink_component}.{w.sink}", w.factor)
-
-
-def _inside(c: Component) -> Iterator[Link]:
-    variables = c.unit.variables
-    if RATIO in variables and {"phi", "phi_o"} <= variables.keys():
-        N = c.parameters.get(RATIO, variables[RATIO].start)
-        if c.parameters.get(MODE, 1) in (1, "value") and N:
-            yield Link(f"{c.name}.phi_o", f"{c.name}.phi", float(N))
-    elif {"phi_o", "phi_p"} <= variables.keys():  # either side of a spring that is relaxed
-        yield Link(f"{c.name}.phi_o", f"{c.name}.phi_p", 1.0)
+    """States of shafts that turn with an angle, itself among them -> how many times as far; of a way it alone."""
+    units = {c.name: c.unit for c in system.components}
+    states = {f"{name}.{state}" for name, unit in units.items() for state in unit.states}
+    angles = {n for n in states if units[n.split(".")[0]].unit_of(n.split(".", 1)[1]) == "rad"}
+    if place not in angles:
+        return {place: 1.0}
+    return {name: times for name, times in turning_with(system, place).items() if name in angles}

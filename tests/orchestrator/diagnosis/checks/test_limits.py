@@ -8,7 +8,7 @@ import pytest
 from cobot_joint.diagnosis.checks.limits import beyond_limits
 from cobot_joint.diagnosis.checks.starts import begin_elsewhere
 from cobot_joint.diagnosis.data.recording import Recording
-from cobot_joint.diagnosis.drafts.chain import chain
+from cobot_joint.diagnosis.drafts.chain import chain, with_data_sheet
 from cobot_joint.system.read import load_system
 
 TIME = np.arange(0, 4, 1e-3)
@@ -61,6 +61,20 @@ def test_a_supply_that_holds_the_simulation_alone_is_said(
     if said:
         assert found[0].wrong
         assert "its back-EMF is 41.25 V, and motor.inverter.v_bus = 24 V holds the simulation" in found[0].evidence
+
+
+@pytest.mark.parametrize(
+    ("names", "output", "unit", "per_motor"),
+    [("motor,gear,load", "w_load", "rad/s", 1 / 50), ("motor,screw", "screw.v", "m/s", 8e-4)],
+)
+def test_a_supply_is_held_against_what_turns_with_the_motor_where_its_own_speed_was_not_recorded(
+    names: str, output: str, unit: str, per_motor: float
+) -> None:
+    made = with_data_sheet(chain(names.split(",")), {"gear.N": "50"} if "gear" in names else {}).system
+    rise, initial = per_motor * np.minimum(TIME, 1.0), {"motor.winding.k": 0.125}
+    r = Recording("a", "train", "axis", TIME, {}, {output: 330.0 * rise}, {output: unit}, initial=initial)
+    (found,) = beyond_limits([r], lambda r: {output: 190.0 * rise}, {"axis": made})
+    assert "its back-EMF is 41.25 V, and motor.inverter.v_bus = 24 V holds the simulation" in found.evidence
 
 
 @pytest.mark.parametrize(

@@ -30,6 +30,7 @@ def made(folder: Path, names: str, **sheet: str) -> Chain:
         ("motor,cycloidal,elastic,link", ["v_command"], ["i_motor", "w_motor", "tau_sensor", "phi_link", "w_link"]),
         ("motor,gear,sensor,brake", ["v_command", "i_brake"], ["i_motor", "w_motor", "tau_sensor"]),
         ("loop,motor,load", ["phi_command"], ["v_command", "i_motor", "w_motor", "w_load"]),
+        ("loop,motor,screw", ["s_command"], ["v_command", "i_motor", "w_motor", "s"]),
         ("motor,screw", ["v_command"], ["i_motor", "w_motor", "s"]),
         ("motion,sensor,load", ["w"], ["tau_sensor", "w_load"]),
         ("motion,gear,load", ["w"], ["w_load", "tau_drive"]),
@@ -82,6 +83,20 @@ def test_a_steady_motor_obeys_its_data_sheet(tmp_path: Path) -> None:
     i = 2.1e-3 / 0.0385
     assert run["i_motor"][-1] == pytest.approx(i, rel=1e-3)
     assert run["w_motor"][-1] == pytest.approx((6 - 0.61 * i) / 0.0385, rel=1e-3)
+
+
+@pytest.mark.parametrize(("names", "lead"), [("loop,motor,screw", 5e-3), ("loop,motor,gear,screw", 5e-3 / 4)])
+def test_a_loop_of_an_axis_takes_its_carriage_where_it_is_asked_to(tmp_path: Path, names: str, lead: float) -> None:
+    """Its goal was an angle of the motor, and a servo drive logs millimetres."""
+    sheet = {"screw__pitch": "5 mm/rev", "loop__k_p": "40 1/s", "loop__k_v": "0.1", "loop__k_iv": "1"}
+    made(tmp_path, names, **sheet, **({"gear__N": "4", "gear__eta": "1"} if "gear" in names else {}))
+    system = load_system(tmp_path / "system.ssd")
+    assert system.component("loop").parameters["gains.lead"] == pytest.approx(lead / (2 * np.pi))
+    t = np.linspace(0, 2, 2001)
+    with Simulation(system) as simulation:
+        goal = Inputs(t, {"s_command": np.minimum(t, 1.0) * 2e-3})
+        s = simulation.run(Experiment(goal, 2.0, record=["s"])).signals["s"]
+    assert s[-1] == pytest.approx(2e-3, rel=0.02)
 
 
 def test_a_servo_loop_with_an_integrator_holds_its_goal_against_friction(tmp_path: Path) -> None:

@@ -13,9 +13,11 @@ from tests.orchestrator.diagnosis.typed import Done
 SAMPLES = 2000
 
 
-def drafted(tmp_path: Path, cobot_joint: Callable[..., Done], chain: str, columns: dict[str, np.ndarray]) -> list[str]:
+def drafted(
+    tmp_path: Path, cobot_joint: Callable[..., Done], chain: str, columns: dict[str, np.ndarray], *sheet: str
+) -> list[str]:
     """Lines of the [channels] of a draft over a log with these columns, at 100 Hz."""
-    assert cobot_joint("new", "--chain", chain, "--out", "machine").returncode == 0
+    assert cobot_joint("new", "--chain", chain, *sheet, "--out", "machine").returncode == 0
     rows = np.column_stack([10.0 * np.arange(SAMPLES), *columns.values()])
     header = ",".join(["t [ms]", *columns])
     np.savetxt(tmp_path / "log.csv", rows, fmt="%.6g", delimiter=",", header=header, comments="")
@@ -105,3 +107,25 @@ def test_motion_that_was_recorded_as_angle_and_speed_drives_and_is_where_it_is(
     assert any(line.startswith('"qd [rad/s]" = "w"   # guess: nothing else can drive the system') for line in lines)
     assert any(line.startswith('"q [rad]" = "motion.phi"   # guess: ') for line in lines)
     assert '"link.phi_p" = "first sample of motion.phi"' in lines
+
+
+def test_a_servo_drive_s_log_of_an_axis_is_drafted_by_its_units_its_rates_and_what_was_asked_of_it(
+    tmp_path: Path, cobot_joint: Callable[..., Done]
+) -> None:
+    """The measured torque, in %, became what the loop was asked for: nothing else could drive the system."""
+    t = 0.01 * np.arange(SAMPLES)
+    columns = {
+        "Position demand value [mm]": 20 * (1 - np.cos(t)),
+        "Position actual value [mm]": 20 * (1 - np.cos(t - 0.02)),
+        "Velocity actual value [mm/s]": 20 * np.sin(t - 0.02),
+        "Torque actual value [%]": 30 * np.cos(t),
+    }
+    mode = ["--set", "motor.drive.mode=current", "--set", "motor.k=0.4"]
+    lines = drafted(tmp_path, cobot_joint, "loop,motor,screw", columns, *mode)
+    assert '"Position demand value [mm]" = "s_command"   # guess: by its name' in lines
+    assert '"Position actual value [mm]" = "s"   # guess: the only one in this unit' in lines
+    rate = "guess: it is the rate of 'Position actual value [mm]'"
+    assert f'"Velocity actual value [mm/s]" = "screw.v"   # {rate}' in lines
+    (torque,) = (line for line in lines if "Torque" in line)
+    assert torque.startswith('# "Torque actual value [%]" = { to = "i_motor", scale = "RATED A" }')
+    assert torque.endswith("1 A is a torque of 0.4 N.m")

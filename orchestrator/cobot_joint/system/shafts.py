@@ -1,0 +1,57 @@
+"""What turns together: positions that follow from one another where every spring is relaxed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from cobot_joint.system.model import Component, System
+
+RATIO, MODE = "ratio.N", "ratio.from"  # of a gear, phi = N phi_o; where it comes from, 1: that value
+LEAD = "body.lead"  # of a screw, s = lead phi
+
+
+class Link(NamedTuple):
+    """Two positions of which, with every spring relaxed, the second is so many times the first."""
+
+    a: str  # component.variable
+    b: str
+    times: float
+
+
+def turning_with(system: System, place: str) -> dict[str, float]:
+    """Positions, `component.variable`, that go with one, itself among them -> how many times as far: through wires,
+    gears and springs, and screws."""
+    links = [*_wires(system), *(link for c in system.components for link in _inside(c))]
+    reached, left = {place: 1.0}, [place]
+    while left:
+        here = left.pop()
+        for a, b, times in (*links, *(Link(b, a, 1 / times) for a, b, times in links)):
+            if a == here and b not in reached:
+                reached[b] = reached[here] * times
+                left.append(b)
+    return reached
+
+
+def _wires(system: System) -> Iterator[Link]:
+    for w in system.connections:
+        if w.source_component is None or w.sink_component is None or w.factor == 0 or w.offset != 0:
+            continue
+        if system.component(w.source_component).unit.unit_of(w.source) == "rad":
+            yield Link(f"{w.source_component}.{w.source}", f"{w.sink_component}.{w.sink}", w.factor)
+
+
+def _inside(c: Component) -> Iterator[Link]:
+    variables = c.unit.variables
+    if RATIO in variables and {"phi", "phi_o"} <= variables.keys():
+        N = _value(c, RATIO)
+        if c.parameters.get(MODE, 1) in (1, "value") and N:
+            yield Link(f"{c.name}.phi_o", f"{c.name}.phi", N)
+    elif {"phi_o", "phi_p"} <= variables.keys():  # either side of a spring that is relaxed
+        yield Link(f"{c.name}.phi_o", f"{c.name}.phi_p", 1.0)
+    elif LEAD in variables and {"phi", "s"} <= variables.keys() and (lead := _value(c, LEAD)):
+        yield Link(f"{c.name}.phi", f"{c.name}.s", lead)
+
+
+def _value(c: Component, parameter: str) -> float:
+    return float(c.parameters.get(parameter, c.unit.variables[parameter].start) or 0.0)

@@ -158,6 +158,7 @@ class _Search:
         self.refined, self.failed = 0, 0  # times that differences were made finer; steps by this Jacobian that failed
         self.coarse: Vector | None = None  # before finer ones, until one of these leads on
         self.begun = np.inf  # cost with the last fresh Jacobian
+        self.own_at: Vector | None = None  # the point at which the effects' columns were found last
         self.base: Simulated | None = None
         self.J: Vector | None = None
 
@@ -243,19 +244,28 @@ class _Search:
         assert self.base is not None
         assert self.J is not None
         if self.age == OLD and self.own:
-            columns = difference(self.problem, self.hypothesis, self.at, self.base, self.own, self._finer)
-            self.J = self.J.copy() if columns is not None else None
-            if self.J is not None:
-                self.J[:, self.own], self.age = columns, OWN
+            self.J, self.age = self._with(self.J, self.own), OWN
+            self.own_at = self.at
         elif self.jacobians > 0:
             self.jacobians -= 1
             self._difference()
 
     def _difference(self) -> None:
-        """All columns by differences."""
+        """All columns by differences, but for those that have just been."""
+        assert self.J is not None
+        there = self.own if self.own_at is self.at and self.refined == 0 else []
+        rest = [k for k in range(len(self.at)) if k not in there]
+        self.J, self.age, self.failed = self._with(self.J, rest), FRESH, 0
+
+    def _with(self, J: Vector, columns: Sequence[int]) -> Vector | None:
+        """With these columns by differences. None: they cannot be simulated."""
         assert self.base is not None
-        self.J, self.age = difference(self.problem, self.hypothesis, self.at, self.base, finer=self._finer), FRESH
-        self.failed = 0
+        found = difference(self.problem, self.hypothesis, self.at, self.base, columns, self._finer)
+        if found is None:
+            return None
+        J = J.copy()
+        J[:, columns] = found
+        return J
 
     def _cost(self, residual: Vector, x: Vector) -> float:
         seen = self.problem.seen(residual)

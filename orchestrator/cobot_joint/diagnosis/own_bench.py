@@ -18,6 +18,7 @@ from cobot_joint.screen import Screen
 
 if TYPE_CHECKING:
     from cobot_joint.diagnosis.checks.inspection import Inspection
+    from cobot_joint.diagnosis.data.recording import Connector
     from cobot_joint.diagnosis.drafts.campaign_text import Columns
     from cobot_joint.diagnosis.drafts.chain import Chain
     from cobot_joint.system.model import System
@@ -107,8 +108,7 @@ def _show(path: Path, i: Inspection) -> None:
 def _first_campaign(
     folder: Path, system: str, logs: list[Path], found: list[Inspection], given: dict[str, str | int]
 ) -> list[str]:
-    """campaign.toml in the folder; where it is, and what it lacks. UserError: one is there already, or no column
-    fits."""
+    """campaign.toml in the folder; where it is, and what it lacks. UserError: one is there already."""
     from cobot_joint.diagnosis.data.campaign import connectors_of, system_connectors, systems_of
     from cobot_joint.diagnosis.data.campaign_file import CampaignFile, RecordingEntry
     from cobot_joint.diagnosis.drafts.campaign_text import (
@@ -124,6 +124,7 @@ def _first_campaign(
     from cobot_joint.diagnosis.drafts.current_drive import nominal_beside, percent_of_drive
     from cobot_joint.diagnosis.drafts.more_guesses import guesses_of, with_only_place, with_rates
     from cobot_joint.diagnosis.drafts.starts import starts
+    from cobot_joint.diagnosis.drafts.without_units import with_assumed_units
     from cobot_joint.system.read import load_system
     from cobot_joint.system.wiring import driving, unwired
 
@@ -142,17 +143,11 @@ def _first_campaign(
     columns = found[0].log.channels
     guesses = guesses_of(own, connectors, defaults.logged, [i.log.channels for i in found])
     percent = percent_of_drive(own, guesses, columns, in_percent(columns, guesses, connectors.values()))
-    found_one = [every[g.connector] for g in guesses] + [rated.connector for rated in percent.values()]
-    if not any(c.causality == "output" for c in found_one):
-        raise UserError(
-            f"{logs[0]}: no column looks like an output of {system}, which has {among(connectors)}; "
-            f"the file has {among(found[0].log.names)}"
-        )
     usual = [c for n, c in connectors.items() if not defaults.logged or n in defaults.logged]
     matched = {g.connector for g in guesses}
     wanted = [Lacking(c, c.name in defaults.logged) for c in usual if c.name not in matched]
     tolerances = {} if defaults.tolerances else usual_tolerances(file)
-    channels = list({c.name: c for i in found for c in i.log.channels}.values())
+    channels = with_assumed_units(list({c.name: c for i in found for c in i.log.channels}.values()), connectors)
     unusable = {name: why for i in found for name, why in i.log.unusable.items()}
     guesses = with_only_place(guesses, every, left_over(own, channels, guesses, offered), channels)
     guesses = with_rates(own, guesses, every, left_over(own, channels, guesses, offered), columns)
@@ -162,7 +157,16 @@ def _first_campaign(
     entries = as_table(own, guesses, [i.log for i in found], Entry(files, given=given)) or one_each(files, given)
     title = logs[0].stem if len(logs) == 1 else logs[0].resolve().parent.name or logs[0].stem
     path.write_text(campaign_text(title, named, entries, drafted, tolerances), encoding="utf-8")
-    return [str(path), *_nothing_drives(own, drafted)]
+    return [str(path), *_nothing_compared(logs[0], every, drafted), *_nothing_drives(own, drafted)]
+
+
+def _nothing_compared(log: Path, connectors: Mapping[str, Connector], drafted: Columns) -> list[str]:
+    """What a draft lacks that compares nothing."""
+    found = [connectors[g.connector] for g in drafted.guesses] + [rated.connector for rated in drafted.percent.values()]
+    if any(c.causality == "output" for c in found):
+        return []
+    outputs = among([each.connector.name for each in drafted.lacking if each.connector.causality == "output"])
+    return [f"{log}: no column looks like an output of the system ({outputs}): fill in [channels], which has them all"]
 
 
 def _nothing_drives(system: System, drafted: Columns) -> list[str]:

@@ -30,7 +30,8 @@ LONGEST = 30.0  # s of a run that are simulated
 
 DECIMALS = {1000.0: "a unit of a thousandth was declared whole (mA as A)", 100.0: "percent, or hundredths",
             10.0: "a decimal place", 1e6: "millionths"}  # fmt: skip
-TURNS = {60 / (2 * np.pi): "rpm read as rad/s"}
+TURNS = {60 / (2 * np.pi): "rpm read as rad/s", 180 / np.pi: "degrees per second read as rad/s",
+         1 / (2 * np.pi): "turns per second read as rad/s"}  # fmt: skip
 ANGLES = {180 / np.pi: "degrees read as rad", 1 / (2 * np.pi): "turns read as rad"}
 
 

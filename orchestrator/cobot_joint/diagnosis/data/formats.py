@@ -268,14 +268,15 @@ def _log(
 
 
 def _rising(columns: Mapping[str, Raw]) -> list[str]:
-    """Those that have a word for time in their name (`stamp_s`), or are named by its unit, and never fall."""
+    """Those that have a word for time in their name (`stamp_s`) and never fall, or its unit (`ms_today`) and rise."""
 
-    def rises(values: NDArray[np.float64] | str) -> bool:
-        return not isinstance(values, str) and len(values) > 1 and bool(np.all(np.diff(values) >= 0))
+    def rises(values: NDArray[np.float64] | str, least: float) -> bool:
+        return not isinstance(values, str) and len(values) > 1 and bool(np.all(np.diff(values) >= least))
 
-    words = {name: set(re.split(r"[^a-z]+", name.lower())) for name in columns}
-    named = [name for name in columns if TIME_WORDS & words[name] or name.lower() in NAMED_BY_UNIT]
-    return [name for name in named if rises(columns[name].values)]
+    words = {name: re.split(r"[^a-z]+", name.lower()) for name in columns}
+    named = [name for name in columns if TIME_WORDS & {*words[name]} and rises(columns[name].values, 0.0)]
+    counted = [name for name in columns if words[name][0] in NAMED_BY_UNIT and name not in named]
+    return named or [name for name in counted if rises(columns[name].values, float(np.finfo(float).tiny))]
 
 
 def _clock_name(path: Path, names: list[str], likely: list[str], time: str | None) -> str:
@@ -305,7 +306,8 @@ def _clock_name(path: Path, names: list[str], likely: list[str], time: str | Non
 def _seconds(path: Path, clock: Raw, time: str | None) -> NDArray[np.float64]:
     stated = split_header(time)[1] if time else None
     named = re.search(f"[_ ]({'|'.join(TIME_UNITS)})$", clock.name.lower())
-    unit = clock.unit or stated or (named[1] if named else NAMED_BY_UNIT.get(clock.name.lower()))
+    counted = NAMED_BY_UNIT.get(re.split(r"[^a-z]+", clock.name.lower())[0])
+    unit = clock.unit or stated or (named[1] if named else counted)
     assert not isinstance(clock.values, str)
     return np.asarray(convert(clock.values, unit, "s", f"{path}: column {clock.header!r}")[0])
 
@@ -313,8 +315,7 @@ def _seconds(path: Path, clock: Raw, time: str | None) -> NDArray[np.float64]:
 READERS: dict[str, Callable[[Path, str | None, Layout, bool], Log]] = {
     ".parquet": _parquet,
     ".csv": _text,
-    ".txt": _text,
-    ".tsv": _text,
+    **dict.fromkeys((".txt", ".tsv", ".log", ".dat", ".asc"), _text),
     ".mat": _mat,
     ".mf4": _mdf,
     ".mdf": _mdf,

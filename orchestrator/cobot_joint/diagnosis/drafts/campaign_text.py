@@ -41,6 +41,9 @@ SUFFIXES = {
 QUANTITIES = {COMMAND, ACTUAL, "w", "phi", "tau", "i", "v", "s", "value", "wert"}
 WORDED = {"A": "i", "V": "v"}  # at the end of the name of such a quantity: `motor_current_A`, not `phase_A`
 PERCENT = ("%", "percent")
+# of what a name may say, of several the first: a `torque_current` is a current
+UNITS = {"i": "A", "v": "V", "tau": "N.m", "w": "rad/s", "phi": "rad"}
+RATES = {"qd": "w", "dq": "w", "qdot": "w", "q": "phi"}  # of joint angles, as robots' controllers write them
 # in a compound, which German writes in one word: Sollposition, Positionssollwert, Istdrehzahl, Stromistwert
 GERMAN = re.compile(r"(soll|ist)wert|(?:^|(?<=[\W_]))(soll|ist)(?=[a-z])")
 IN_WORDS = re.compile(r"\((?!\d+\))(?P<bracket>[^()]+)\)$|\s(?:in\s|/\s)(?P<word>\S+)$")
@@ -245,6 +248,13 @@ def is_torque(name: str) -> bool:
     return "tau" in _words(name)
 
 
+def quantity(name: str) -> str:
+    """i, v, tau, w or phi, by its words; letters alone only where they are all of it. "": it says none."""
+    tokens = re.findall(r"[a-z]+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower())
+    words = {WORDS.get(t, "") for t in tokens if len(t) > 1 or len(tokens) == 1} | {RATES.get(t, "") for t in tokens}
+    return next((q for q in UNITS if q in words), "")
+
+
 def _own_words(name: str) -> set[str]:
     """Those of a name that say whose it is, not what."""
     return set(_words(name)) - {*QUANTITIES, *SUFFIXES, *(unit.lower() for unit in WORDED)}
@@ -259,7 +269,8 @@ def fits(column: Channel, connector: Connector) -> bool:
     """By its unit, and what was asked of the machine is not what it did, nor the other way round."""
     asked = connector.causality == "output" and is_command(column.name)
     done = connector.causality == "input" and is_command(connector.name) and is_actual(column.name)
-    return converts(column.unit, connector.unit) and not asked and not done
+    unit = column.unit or UNITS.get(quantity(column.name))
+    return converts(unit, connector.unit) and not asked and not done
 
 
 def converts(unit: str | None, target: str | None) -> bool:

@@ -15,6 +15,7 @@ from cobot_joint.diagnosis.data.quantity import convert
 from cobot_joint.diagnosis.data.recording import Connector
 from cobot_joint.diagnosis.drafts.campaign_text import PERCENT, Guess, converts, fits, guess, header_of
 from cobot_joint.diagnosis.drafts.current_drive import with_commanded_current
+from cobot_joint.diagnosis.drafts.without_units import said, with_assumed_units
 from cobot_joint.system.model import System
 from cobot_joint.system.wiring import shown_by
 
@@ -28,10 +29,11 @@ def guesses_of(
     system: System, connectors: Mapping[str, Connector], logged: Iterable[str], logs: Sequence[Sequence[Channel]]
 ) -> list[Guess]:
     """For a system's own connectors, from the columns of the first log. logged: connectors that usually are."""
-    guesses = with_commanded_current(system, guess(logs[0], connectors, logged), logs[0])
-    guesses += _driving(guesses, connectors, logs[0])
-    guesses = _of_driven_shaft(system, guesses, logs[0])
-    return _with_held_values(_of_one_shaft(system, guesses, connectors), connectors, logs)
+    columns = with_assumed_units(logs[0], connectors, alone=True)
+    guesses = with_commanded_current(system, guess(columns, connectors, logged), columns)
+    guesses += _driving(guesses, connectors, columns)
+    guesses = _of_driven_shaft(system, guesses, columns)
+    return said(_with_held_values(_of_one_shaft(system, guesses, connectors), connectors, logs), columns, logs[0])
 
 
 def _driving(guesses: Sequence[Guess], connectors: Mapping[str, Connector], columns: Sequence[Channel]) -> list[Guess]:

@@ -66,6 +66,8 @@ def test_nothing_is_said_of_a_clean_log(look: Callable[..., list[Suspicion]]) ->
             "factor",
             "factor 9.5493, rpm read as rad/s or 10, a decimal place? If so, its unit or scale",
         ),
+        ("w_motor", lambda x, r: x / (2 * np.pi), "factor", "factor 0.15915, turns per second read as rad/s"),
+        ("w_motor", lambda x, r: x * 180 / np.pi, "factor", "factor 57.296, degrees per second read as rad/s"),
         ("w_motor", lambda x, r: x / N, "factor", "the gear ratio planetary_gear.ratio.N"),
         ("tau_sensor", lambda x, r: -x, "sign", "it moves against the nominal system (correlation -1.00): reversed?"),
         ("i_brake", lambda x, r: 1e3 * x, "factor", "with a factor of 0.001 every output fits the nominal system"),

@@ -14,7 +14,9 @@ from cobot_joint.errors import UserError
 T = np.arange(400) * 1e-3
 
 
-@pytest.mark.parametrize(("name", "per_second"), [("ms", 1e3), ("Millis", 1e3), ("us", 1e6), ("sec", 1.0)])
+@pytest.mark.parametrize(
+    ("name", "per_second"), [("ms", 1e3), ("Millis", 1e3), ("ms_today", 1e3), ("us", 1e6), ("sec", 1.0)]
+)
 def test_a_clock_may_be_named_by_its_unit_alone(tmp_path: Path, name: str, per_second: float) -> None:
     """`ms;u_motor [V];rpm` was taken for a table of steady states."""
     rows = [f"{name},rpm"] + [f"{per_second * t:.6g},{w}" for t, w in zip(T, np.sin(9 * T), strict=True)]
@@ -22,6 +24,12 @@ def test_a_clock_may_be_named_by_its_unit_alone(tmp_path: Path, name: str, per_s
     log = read_log(tmp_path / "a.csv")
     assert (log.clock, log.names) == (name, ["rpm"])
     assert np.allclose(log.channels[0].time, T, atol=1e-6)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".txt", ".log", ".dat", ".asc"])
+def test_delimited_text_is_read_whatever_its_file_is_called(tmp_path: Path, suffix: str) -> None:
+    (tmp_path / f"a{suffix}").write_text("t,w\n" + "\n".join(f"{t},{np.sin(9 * t)}" for t in T))
+    assert read_log(tmp_path / f"a{suffix}").names == ["w"]
 
 
 def test_a_way_or_a_count_of_ms_in_a_log_is_no_clock(tmp_path: Path) -> None:

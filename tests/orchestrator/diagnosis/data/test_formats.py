@@ -122,7 +122,7 @@ def test_a_column_called_by_a_word_for_time_that_never_falls_is_the_clock(tmp_pa
         (
             "a.xlsx",
             b"",
-            "suffix '.xlsx' is given, one of .parquet, .csv, .txt, .tsv, .mat, .mf4, .mdf, .mcap is needed",
+            "suffix '.xlsx' is given, one of .parquet, .csv, .txt, .tsv, .log, .dat, .asc, .mat, .mf4",
         ),
         ("gone.csv", None, "there is no such file"),
         ("a.parquet", b"not parquet", "cannot be read as parquet"),

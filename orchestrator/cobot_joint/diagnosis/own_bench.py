@@ -37,7 +37,12 @@ def inspect(
         typer.Option(help="A shipped system by name, or an .ssd or .ssp file: writes a first campaign.toml."),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for pictures and campaign.toml.")] = None,
-    time: Annotated[str | None, typer.Option(help="The clock's column and unit: 'loop_time [ms]'.")] = None,
+    time: Annotated[
+        str | None,
+        typer.Option(
+            help="The clock's column and unit, 'loop_time [ms]', or how far rows without one are apart: '10 ms'."
+        ),
+    ] = None,
     skip: Annotated[int | None, typer.Option(min=0, help="Lines above the line of names.")] = None,
     separator: Annotated[str | None, typer.Option(help="Between cells; 'tab' and 'space' have names.")] = None,
     encoding: Annotated[str | None, typer.Option(help="Of a text file: utf-8, latin-1.")] = None,
@@ -88,7 +93,7 @@ def _show(path: Path, i: Inspection) -> None:
     r = i.recording
     gaps = int(np.sum(~np.isfinite(next(iter(r.outputs.values())))))
     about = f"{len(r.time)} samples, {r.time[-1] - r.time[0]:.4g} s at {1 / r.step:.5g} Hz, {gaps} not recorded"
-    clock = escape(i.log.clock or "one per channel")
+    clock = escape(i.log.clock or "as told, or one per channel")
     about = f"{len(r.time)} rows, {gaps} values missing" if i.table else f"clock {clock}, {about}"
     console.print(f"\n[bold]{escape(str(path))}[/bold]: {about}", soft_wrap=True)
     grid = Table()

@@ -17,7 +17,10 @@ from cobot_joint.diagnosis.data.recording import LARGEST, Connector, Reading, Re
 from cobot_joint.diagnosis.drafts.campaign_text import is_command
 from cobot_joint.errors import UserError
 
-TABLE = "no column is a clock: each row is taken for a steady state; if they are samples of a run, the clock is missing"
+TABLE = (
+    "no column is a clock: each row is taken for a steady state; if they are samples of a run, say how far they are "
+    "apart, time = '10 ms'"
+)
 AS_ASKED = ("clipped", "frozen", "held")  # what a set value may be
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from cobot_joint.diagnosis.data.delimited import Layout, read_delimited
 from cobot_joint.diagnosis.data.nested import matlab_hdf5, ros2_bag
-from cobot_joint.diagnosis.data.quantity import convert, is_duration, split_header, without_parentheses
+from cobot_joint.diagnosis.data.quantity import convert, duration, is_duration, split_header, without_parentheses
 from cobot_joint.errors import UserError, among
 
 TIME = ("time", "t", "timestamp", "timestamps", "loop_time", "zeit", "elapsed", "elapsed_time")
@@ -92,7 +92,8 @@ class Raw:
 def read_log(path: Path, time: str | None = None, layout: Layout | None = None, *, table: bool = False) -> Log:
     """A file's numeric channels, by its suffix.
 
-    time: the clock's column, where it has an unusual name; its unit in brackets. table: there is no clock, rows count.
+    time: the clock's column, where it has an unusual name, its unit in brackets; or `"10 ms"`, how far rows are apart
+    where there is none. table: there is no clock, rows count.
     Raises UserError.
     """
     suffix = path.suffix.lower()
@@ -184,7 +185,7 @@ def _mat(path: Path, time: str | None, layout: Layout, table: bool) -> Log:
     ]
     lengths = Counter(max(value.shape) for _, value in found)
     columns = {name: value for name, value in found if value.ndim == 1}
-    clock = _clock_name(path, list(columns), [], time) if not table else None
+    clock = None if table or duration(time or "") else _clock_name(path, list(columns), [], time)
     n = len(columns[clock]) if clock else lengths.most_common(1)[0][0] if lengths else 0
     raw = []
     for name, value in found:
@@ -251,8 +252,9 @@ def _log(
     usable = {c.name: c for c in raw if counts[c.name] == 1 and not isinstance(c.values, str)}
     unusable = {c.name: c.values for c in raw if isinstance(c.values, str)}
     unusable |= {name: f"is there {n} times; rename them" for name, n in counts.items() if n > 1}
-    if table:
-        clock, stamps = None, np.arange(max((len(c.values) for c in usable.values()), default=0)) * 1.0
+    step = 1.0 if table else duration(time or "")
+    if step is not None:
+        clock, stamps = None, np.arange(max((len(c.values) for c in usable.values()), default=0)) * step
     else:
         likely = [c.name for c in raw if c.unit and is_duration(c.unit)] or _rising(usable)
         clock = _clock_name(path, [c.name for c in raw], likely, time)
@@ -299,7 +301,7 @@ def _clock_name(path: Path, names: list[str], likely: list[str], time: str | Non
         return likely[0]
     raise NoClock(
         f"{path}: no time column; columns are {among(names)}; a clock is called {' or '.join(TIME_NAMES[:6])}, "
-        f'or say which it is, time = "{names[0] if names else "NAME"} [s]"'
+        f'or say which it is, time = "{names[0] if names else "NAME"} [s]", or how far rows are apart, time = "10 ms"'
     )
 
 

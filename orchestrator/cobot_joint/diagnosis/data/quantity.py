@@ -128,6 +128,13 @@ def is_duration(text: str) -> bool:
     return is_unit(text) and _parse(text.strip().removeprefix("[").removesuffix("]"), "").check("[time]")
 
 
+def duration(text: str) -> float | None:
+    """Seconds of `"10 ms"`; None: it is no number with a unit of time."""
+    number = FACTOR.match(text.strip())
+    unit = text.strip()[number.end() :] if number else ""
+    return float(convert(np.array([float(number[0])]), unit, "s", "")[0][0]) if number and is_duration(unit) else None
+
+
 def is_position(unit: str | None) -> bool:
     """Whether it is an angle's or a way's."""
     if unit is None or not is_unit(unit):

@@ -118,3 +118,15 @@ def test_of_columns_that_could_be_the_clock_the_likelier_is(header: str, clock: 
     table = np.column_stack([np.arange(50) * 0.004 * (1 + k) for k in range(3)])
     np.savetxt(tmp_path / "a.csv", table, delimiter=",", header=header, comments="")
     assert read_log(tmp_path / "a.csv").clock == clock
+
+
+def test_rows_without_a_clock_are_as_far_apart_as_is_said(tmp_path: Path) -> None:
+    """They could only be a table of steady states."""
+    (tmp_path / "a.csv").write_text("u,w\n" + "\n".join(f"{k},{np.sin(k / 9)}" for k in range(300)))
+    log = read_log(tmp_path / "a.csv", "2.5 ms")
+    assert log.names == ["u", "w"]
+    assert np.allclose(log.channels[0].time, 2.5e-3 * np.arange(300))
+    with pytest.raises(UserError, match='or how far rows are apart, time = "10 ms"'):
+        read_log(tmp_path / "a.csv")
+    with pytest.raises(UserError, match="columns are u, w"):
+        read_log(tmp_path / "a.csv", "10 mm")

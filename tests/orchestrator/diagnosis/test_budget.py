@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from pathlib import Path
 
 import pytest
@@ -49,6 +50,42 @@ def test_when_time_is_up_a_search_ends_in_the_middle_of_its_simulations() -> Non
     assert found.left_out[0] == "further listed terms"
     assert len(found.findings) == 1
     assert axis.runs < 0.7 * undisturbed.runs
+
+
+@pytest.mark.parametrize(("gone", "reached"), [(0.5, ["first", "inner", "last"]), (0.8, ["last"]), (1.1, [])])
+def test_a_search_that_leaves_a_share_of_the_time_ends_before_what_follows_begins(
+    monkeypatch: pytest.MonkeyPatch, gone: float, reached: list[str]
+) -> None:
+    """`--within` never came to the recorded motion where formulas took all that was left."""
+    clock = [0.0]
+    monkeypatch.setattr(time, "monotonic", lambda: clock[0])
+    budget, done = Budget(seconds=10.0, begun=0.0), list[str]()
+
+    def look() -> None:
+        done.append("first")
+        budget.check()
+        budget.spend("inner", lambda: done.append("inner"))
+
+    clock[0] = 10 * gone
+    budget.spend("formulas", look, 0.3)
+    budget.spend("motion", lambda: done.append("last"))
+    assert done == reached
+    assert ("formulas" in budget.left_out) == (gone > 0.7)
+
+
+def test_a_search_that_leaves_a_share_of_the_time_is_cut_short_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = [6.0]
+    monkeypatch.setattr(time, "monotonic", lambda: clock[0])
+    budget = Budget(seconds=10.0, begun=0.0)
+
+    def look() -> bool:
+        clock[0] = 7.5
+        budget.check()
+        return True
+
+    assert budget.spend("formulas", look, 0.3) is None
+    assert budget.left_out == ["formulas"]
+    assert budget.spend("motion", lambda: budget.check() or True) is True
 
 
 def test_long_fits_say_how_many_simulations_there_were() -> None:

@@ -32,6 +32,7 @@ from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 from cobot_joint.diagnosis.store import Store
 
 Progress = Callable[[str], None]
+MOTIONS = 0.3  # of a time that is limited, that formulas leave to the recorded motion, which else is never asked
 
 
 class BeyondTheList:
@@ -116,7 +117,7 @@ class BeyondTheList:
         taken = 0.0 if doubtful else 1 - self.left / max(self.before, 1e-9)
         least = max(thresholds.ALONE, taken) if self._beside_background else 0.0
         look = partial(look_for_unmodelled, self.problem, self.calibrated, self.listed, self.say, least)
-        found = self.stage("formulas", look) if self.much else None
+        found = self.stage("formulas", look, MOTIONS if self.follows else 0.0) if self.much else None
         if found and self._fails_in_closed_loop(found):
             found = None
         return (None, found) if found and found.as_good else (found, None)

@@ -157,7 +157,8 @@ def _first_campaign(
     guesses = with_only_place(guesses, every, left_over(own, channels, guesses, offered), channels)
     guesses = with_rates(own, guesses, every, left_over(own, channels, guesses, offered), columns)
     left = left_over(own, channels, guesses, offered)
-    drafted = Columns(guesses, wanted, left, percent, unusable, nominal_beside(own, guesses), starts(own, guesses))
+    beginnings = starts(own, guesses, [i.log.channels for i in found])
+    drafted = Columns(guesses, wanted, left, percent, unusable, nominal_beside(own, guesses), beginnings)
     files = [Path(os.path.relpath(log, folder)).as_posix() for log in logs]
     entries = as_table(own, guesses, [i.log for i in found], Entry(files, given=given)) or one_each(files, given)
     title = logs[0].stem if len(logs) == 1 else logs[0].resolve().parent.name or logs[0].stem
@@ -224,7 +225,7 @@ def new(
     list_: Annotated[bool, typer.Option("--list", help="Show what --set takes, and write nothing.")] = False,
 ) -> None:
     """Write a readable system (.ssd) and a campaign for a machine of your own."""
-    from cobot_joint.diagnosis.drafts.chain import Chain, with_data_sheet, write_readable
+    from cobot_joint.diagnosis.drafts.chain import Chain, kept_in_words, with_data_sheet, write_readable
     from cobot_joint.diagnosis.drafts.chain import chain as make
     from cobot_joint.diagnosis.drafts.shafts import mesh_in_words, shaft_in_words, with_stiff_parts
     from cobot_joint.system.read import load_system
@@ -251,7 +252,7 @@ def new(
     console.print(write_readable(made.system, words, folder / "system.ssd"), soft_wrap=True)
     if chain:
         said = [*shaft_in_words(made, values), *mesh_in_words(made, values), *_supply(made, values)]
-        console.print(*said, sep="", end="")
+        console.print(*said, *kept_in_words(made, values), sep="", end="")
     console.print(*_ringing(made), *_commanded(made, values), sep="", end="")
     (folder / "campaign.toml").write_text(_campaign(made.system, folder), encoding="utf-8")
     console.print(folder / "campaign.toml", soft_wrap=True)

@@ -19,6 +19,7 @@ from cobot_joint.units import Unit
 IMPOSED = "w_imposed"  # input of a unit whose motion is recorded
 PLACE = "phi"  # output of such a unit: where it is
 STILL = 0.01  # of the largest speed in a recording, up to which it begins at rest
+AGAINST_ONE = re.compile(r"\s*([-+]?\d+(?:\.\d+)?)\s*:\s*1\s*")  # a ratio, "25:1"
 QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*")  # "9 uN.m.s/rad"
 COMMA = re.compile(r"\s*[-+]?\d+,\d")
 
@@ -61,6 +62,8 @@ def parameter(unit: Unit, name: str, given: Value | str, where: str) -> Value:
         )
     if isinstance(given, str) and COMMA.match(given):
         raise UserError(f"{where}: {given!r} is given, a decimal point is needed: {given.replace(',', '.', 1)!r}")
+    if isinstance(given, str) and (ratio := AGAINST_ONE.fullmatch(given)):
+        given = ratio[1]
     match = QUANTITY.fullmatch(given) if isinstance(given, str) else None
     if variable is not None and match and match[2]:
         measure = unit.unit_of(name) or "1"

@@ -209,8 +209,13 @@ def _hides_noise(x: Vector) -> bool:
     return bool(np.nan_to_num(noise_and_colour(x)[0]) < 0.5 * quantisation_step(x[np.isfinite(x)]))
 
 
+FOLLOWS = 3  # samples by which a machine moves after it was asked to
+
+
 def _mover(r: Recording, name: str, span: slice) -> str:
-    """Another channel that moves meanwhile; "": none. Beside a shaft's position a speed."""
+    """Another channel that moves meanwhile; "": none. Beside a shaft's position a speed. Not only at the end: what a
+    step starts follows it by a few samples."""
+    span = slice(span.start, span.stop - max(FOLLOWS, (span.stop - span.start) // 10))
     moves = {n: y for n, y in (r.outputs | r.inputs).items() if not _may_rest(r, name) or _is_speed(r, n)}
     return next((n for n, y in moves.items() if n != name and _moves(y, span)), "")
 

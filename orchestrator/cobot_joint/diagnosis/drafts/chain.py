@@ -282,6 +282,23 @@ def _lead(system: System) -> dict[str, float]:
     return {"loop.gains.lead": float(system.component("screw").parameters["body.lead"]) / abs(math.prod(ratios))}
 
 
+def kept_in_words(made: Chain, given: Iterable[str]) -> list[str]:
+    """What of the parts' data sheets was not given, a line each: the values of the bench, not of this machine. The
+    shaft has words of its own. given: names as --set takes them."""
+    units = {c.name: c.unit for c in made.system.components}
+    named = [key.partition(".") for key in given]
+    whole = {f"{name}.{_parameter(f'{name}.{wanted}', wanted, units[name])}" for name, _, wanted in named}
+    lines = []
+    for c in (c for c in made.system.components if c.name in made.parts and c.name != "shaft"):
+        names = [n for n in made.parts[c.name].data_sheet if f"{c.name}.{n}" not in whole]
+        values = {n: float(c.parameters.get(n, c.unit.variables[n].start) or 0.0) for n in names}
+        units_of = {n: unit if (unit := c.unit.unit_of(n)) != "1" else "" for n in names}
+        told = [f"{n} = {x:g} {units_of[n] or ''}".rstrip() for n, x in values.items() if x]
+        if told:
+            lines.append(f"{c.name}: not given, so that the bench's own stand there: {', '.join(told)}\n")
+    return lines
+
+
 def _parameter(key: str, wanted: str, unit: Unit) -> str:
     """The parameter of that path, data-sheet name, or only one whose path ends so."""
     every = [n for n, v in unit.variables.items() if v.causality == "parameter"]  # with choices, by their names

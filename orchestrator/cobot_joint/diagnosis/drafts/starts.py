@@ -5,17 +5,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from cobot_joint.diagnosis.data.conditioning import begins_apart
+from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.diagnosis.drafts.campaign_text import Guess
 from cobot_joint.system.model import System
 from cobot_joint.system.shafts import turning_with
 from cobot_joint.system.wiring import shown_by
 
 
-def starts(system: System, guesses: Sequence[Guess]) -> dict[str, str]:
+def starts(system: System, guesses: Sequence[Guess], logs: Sequence[Sequence[Channel]] = ()) -> dict[str, str]:
     """`component.state` -> its start in words, of positions whose log begins elsewhere than at 0: a way, or the one
     angle that was logged, with the angles of all that turns with it. Gravity on an arm goes by where it is, and a shaft
     that began elsewhere than the next would be wound up. Of two angles nobody knows whether they count from one zero.
+    logs: columns of the further logs: in one of them it may begin elsewhere.
     """
     shown = shown_by(system)
     units = {c.name: c.unit for c in system.components}
@@ -29,12 +34,17 @@ def starts(system: System, guesses: Sequence[Guess]) -> dict[str, str]:
     columns = {g.connector: g.column for g in guesses}
     found: dict[str, str] = {}
     for name, connector in places["m"] + (places["rad"] if len(places["rad"]) == 1 else []):
-        if begins_apart(columns[connector].values, 0.0) is not None:
+        if any(begins_apart(x, 0.0) is not None for x in _everywhere(columns[connector], logs)):
             found |= {
                 angle: f"first sample of {connector}" + (f" * {times:.12g}" if times != 1 else "")
                 for angle, times in _with_it(system, name).items()
             }
     return found | (_coasting(system, guesses) if len(system.components) == 1 else {})
+
+
+def _everywhere(column: Channel, logs: Sequence[Sequence[Channel]]) -> list[NDArray[np.float64]]:
+    """What a column holds in every log."""
+    return [column.values, *(c.values for log in logs for c in log if c.name == column.name)]
 
 
 def _coasting(system: System, guesses: Sequence[Guess]) -> dict[str, str]:

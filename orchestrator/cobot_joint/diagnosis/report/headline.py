@@ -69,7 +69,8 @@ def verdict_sentence(d: Json, terms: Mapping[str, TermText]) -> str:
         tail += f". No claim, though the repaired system has {them}: {' and '.join(unsure)}"
     if nothing_claimed:
         nearest = " and ".join(_said(f, terms) for f in listed_first)
-        return f"No effect reaches 50 % confidence; the closest is {nearest}{tail}."
+        cut = "Time was up before everything was tried, so that nothing is claimed" if d.get("left_out") else ""
+        return f"{cut or 'No effect reaches 50 % confidence'}; the closest is {nearest}{tail}."
     lacks = [_said(f, terms) for f in listed_first if f not in outside]
     parts = [f"The model lacks {' and '.join(lacks)}"] * bool(lacks)
     for f in outside:

@@ -16,7 +16,7 @@ from cobot_joint.diagnosis.candidates.scan import Scan
 from cobot_joint.diagnosis.candidates.score_test import scores
 from cobot_joint.diagnosis.data.recording import LARGEST
 from cobot_joint.diagnosis.estimation.channels import Reading, Stamps
-from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.fit import AT_BOUND, Fit
 from cobot_joint.diagnosis.estimation.least_squares import Precision, bounded_step, fit, fit_on
 from cobot_joint.diagnosis.estimation.port_response import same_direction
 from cobot_joint.diagnosis.estimation.problem import Problem, Vector
@@ -142,6 +142,8 @@ def look_for_misreading(problem: Problem, calibrated: Fit) -> Misread | None:
         found = _fitted(problem, calibrated, suspect)
         if found is None or not spares_others(problem, calibrated, found, suspect.reading.channel):
             continue
+        if _ends_at_a_limit(found):  # it flattens what the model gets wrong: a pendulum without drag went over the top
+            continue
         if (taken := 1 - problem.excess(found.residual) / before) > thresholds.ENOUGH:
             fitted.append(Misread(found, suspect.predicted, suspect.own, taken))
     if not fitted:
@@ -149,6 +151,12 @@ def look_for_misreading(problem: Problem, calibrated: Fit) -> Misread | None:
     best, *others = sorted(fitted, key=lambda m: m.fit.cost)
     alike = [m.channel for m in others if m.fit.cost - best.fit.cost < thresholds.ALIKE]
     return replace(best, alike=alike[0]) if alike else best
+
+
+def _ends_at_a_limit(found: Fit) -> bool:
+    """Whether the gain is as small, or as large, as it may be: that is no log's."""
+    c, x = found.hypothesis.coordinates[-2], found.x[-2]
+    return not c.lower + AT_BOUND < x < c.upper - AT_BOUND
 
 
 def spares_others(problem: Problem, before: Fit, after: Fit, channel: str) -> bool:

@@ -64,6 +64,14 @@ def test_a_profile_that_slows_down_to_its_rests_is_neither_clipped_nor_frozen(st
     assert without_faults([r]) == [r]
 
 
+def test_a_channel_that_waits_for_a_step_of_what_drives_it_is_not_frozen() -> None:
+    """A camera's angle, at rest until its set point stepped and a sample longer, was "frozen while setpoint moves"."""
+    setpoint = np.where(T < 2.0, 0.0, 15.0)
+    w = np.where(T < 2.002, 0.0, 30 * (1 - np.exp(-(T - 2.002) / 0.1))) * (T < 6)
+    r = replace(run(w), inputs={"setpoint": setpoint}, outputs={"w": w}, units={"w": "rad/s", "setpoint": "rad"})
+    assert not [out for out in without_faults([r])[0].left_out if out.kind == "frozen"]
+
+
 def test_every_frozen_stretch_is_left_out_but_for_its_first_sample() -> None:
     sound = speed(step=0.0)
     w = sound.copy()

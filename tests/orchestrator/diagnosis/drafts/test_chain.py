@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cobot_joint.cosim import Experiment, Simulation
-from cobot_joint.diagnosis.drafts.chain import Chain, chain, with_data_sheet, write_readable
+from cobot_joint.diagnosis.drafts.chain import Chain, chain, kept_in_words, with_data_sheet, write_readable
 from cobot_joint.errors import UserError
 from cobot_joint.system import load_system
 from cobot_joint.system.model import Inputs
@@ -50,6 +50,18 @@ def test_a_chain_is_a_system_that_runs(tmp_path: Path, names: str, inputs: list[
         signals = simulation.run(Experiment(Inputs(t, {inputs[0]: np.sin(6 * t)}), 0.2, record=outputs)).signals
     assert all(np.isfinite(x).all() for x in signals.values())
     assert any(map(np.any, signals.values())) or names == "friction"  # whose data sheet is empty
+
+
+def test_what_of_a_data_sheet_was_not_given_is_said_with_the_bench_s_value_and_a_ratio_may_be_against_one() -> None:
+    """A conveyor's gear had the bench's stiffness without a word, three times its own."""
+    given = {"gear.ratio": "25:1", "gear.c": "900 N.m/rad", "motor.R": "0.9 Ohm"}
+    made = with_data_sheet(chain(["motor", "gear", "load"]), given)
+    assert made.system.component("gear").parameters["ratio.N"] == 25.0
+    motor, gear = kept_in_words(made, given)[:2]
+    assert motor.startswith("motor: not given, so that the bench's own stand there: winding.L = 8.43e-05 H, ")
+    assert "mesh.b = 0.0174533 rad" in gear
+    assert "mesh.eta = 0.75, " in gear
+    assert not any(name in motor + gear for name in ("mesh.c =", "ratio.N", "winding.R"))
 
 
 def test_values_come_from_a_data_sheet_by_its_names_and_in_its_units(tmp_path: Path) -> None:

@@ -43,6 +43,13 @@ def test_a_log_that_begins_at_nought_and_two_angles_of_which_nobody_knows_the_ze
     assert starts(arm(), [logged("phi_link", 0.8), logged("motor.phi", 3.0)]) == {}
 
 
+def test_an_angle_that_begins_elsewhere_in_a_further_log_is_said_as_well() -> None:
+    """Of three logs of a pendulum the second began at 20 degrees, and nothing stood in [initial]."""
+    first, second = logged("phi_link", 0.0), logged("phi_link", 0.35)
+    assert starts(arm(), [first], [[first.column]]) == {}
+    assert "link.phi_p" in starts(arm(), [first], [[first.column], [second.column]])
+
+
 def test_a_screws_way_begins_where_its_log_does() -> None:
     assert starts(chain(["motor", "screw"]).system, [logged("s", 0.05, "m")]) == {"screw.s": "first sample of s"}
 

@@ -7,18 +7,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.candidates.scan import Scan
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.engine import diagnose_plant, identify
 from cobot_joint.diagnosis.estimation.channels import Reading
+from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import fit
+from cobot_joint.diagnosis.estimation.noise import Noise
 from cobot_joint.diagnosis.estimation.problem import Problem, Run
 from cobot_joint.diagnosis.report.headline import verdict_sentence
 from cobot_joint.diagnosis.report.words import misread, remedy
-from cobot_joint.diagnosis.selection.misreading import inverse, look_for_misreading, spares_others
+from cobot_joint.diagnosis.selection.misreading import (
+    _fitted,
+    inverse,
+    look_for_misreading,
+    spares_others,
+    suspects,
+)
 from cobot_joint.diagnosis.selection.mistimed import look_for_mistiming
 from cobot_joint.diagnosis.thresholds import WITHHELD
-from tests.orchestrator.diagnosis.axis import Axis, campaign
+from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, Axis, campaign
 from tests.orchestrator.diagnosis.bench import calibrated
 
 LOGS = [
@@ -118,6 +127,22 @@ def test_a_diagnosis_asks_for_the_channel_in_place_of_naming_physics() -> None:
         assert found.misreading is not None
         assert found.misreading.channel == "w"
         assert found.misreading.gain.value == pytest.approx(1.6, rel=0.1)  # its tolerances take the rest
+
+
+def test_a_gain_that_ends_at_the_end_of_its_range_is_no_log_s() -> None:
+    """A pendulum without its drag went over the top in the simulation, and its angle was "logged 0.05 times what is
+    there, which explains 98 %"; the drag left a thousandth of that."""
+    case = campaign({})
+    case.recordings = [replace(r, outputs={"w": 0.01 * r.outputs["w"]}, believed={"u"}) for r in case.recordings]
+    problem = Problem(Axis(), case.recordings, {"w": Noise(NOISE)}, jobs=1)
+    bounds = {name: t.bounds(NOMINAL[name]) for name, t in case.tolerances.items()}
+    base = fit(problem, Hypothesis(tolerances(problem, bounds)))
+    assert base is not None
+    (suspect,) = suspects(problem, base)
+    found = _fitted(problem, base, suspect)
+    assert found is not None
+    assert 1 - problem.excess(found.residual) / problem.excess(base.residual) > thresholds.ENOUGH
+    assert look_for_misreading(problem, base) is None
 
 
 def restamped(r: Recording, channel: str, late: float, rate: float) -> Recording:

@@ -180,7 +180,7 @@ def _nothing_drives(system: System, drafted: Columns) -> list[str]:
     if not system.inputs or any(g.connector in system.inputs for g in drafted.guesses):
         return []
     inputs = among(list(system.inputs))
-    if drafted.starts:
+    if drafted.starts and len(system.components) == 1:  # a motor without its voltage does not coast
         return [f"no column is an input of the system ({inputs}): each run coasts from where its log begins"]
     return [f"no column is an input of the system: `diagnose` needs one for {inputs}, or a start in [initial]"]
 

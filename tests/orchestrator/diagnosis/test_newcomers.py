@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,6 +39,19 @@ def logged(folder: Path, name: str, run: Run) -> None:
     t, columns = run
     rows = np.column_stack([t, *columns.values()])
     np.savetxt(folder / name, rows, fmt="%.6g", delimiter=",", header=",".join(["t [s]", *columns]), comments="")
+
+
+def as_drafted(
+    cobot_joint: Callable[..., Done], chain: str, sheet: Mapping[str, str], logs: Sequence[str]
+) -> dict[str, Any]:
+    """The answer to a machine with that data sheet and to its logs, nothing of the draft changed."""
+    words = [word for name, value in sheet.items() for word in ("--set", f"{name}={value}")]
+    assert cobot_joint("new", "--chain", chain, *words, "--out", "machine").returncode == 0
+    assert cobot_joint("inspect", *logs, "--system", "machine/system.ssd", "--out", "first").returncode == 0
+    done = cobot_joint("diagnose", "first/campaign.toml", "--out", "answer")
+    assert done.returncode == 0, done.stderr
+    answer: dict[str, Any] = json.loads(Path("answer/diagnosis.json").read_text())
+    return answer
 
 
 @pytest.mark.long
@@ -126,13 +140,8 @@ def test_cogging_of_order_84_that_a_slow_turntable_catches_on_is_named(
         logged(tmp_path, f"run{n + 1}.csv", turntable(reference, np.random.default_rng(n)))
     sheet = {"k": "0.36 Nm/A", "R": "1.1 Ohm", "J": "2.2e-3 kgm2", "drive.mode": "current", "friction.tau_C": "0.02",
              "friction.d": "2e-3"}  # fmt: skip
-    words = [word for name, value in sheet.items() for word in ("--set", f"motor.{name}={value}")]
-    assert cobot_joint("new", "--chain", "motor", *words, "--out", "machine").returncode == 0
-    logs = [f"run{n}.csv" for n in (1, 2, 3)]
-    assert cobot_joint("inspect", *logs, "--system", "machine/system.ssd", "--out", "first").returncode == 0
-    done = cobot_joint("diagnose", "first/campaign.toml", "--out", "answer")
-    assert done.returncode == 0, done.stderr
-    answer = json.loads((tmp_path / "answer/diagnosis.json").read_text())
+    sheet = {f"motor.{name}": value for name, value in sheet.items()}
+    answer = as_drafted(cobot_joint, "motor", sheet, [f"run{n}.csv" for n in (1, 2, 3)])
     (claim,) = [f for f in answer["findings"] if f["confidence"] >= 0.5]
     assert claim["term"] == "motor.cogging"
     assert claim["parameters"]["n"]["value"] == 84
@@ -168,13 +177,7 @@ def test_a_blowers_drag_is_named_where_its_voltage_is_held_from_sample_to_sample
     sheet = {"motor.R": "0.42 Ohm", "motor.L": "0.31 mH", "motor.k": "38.5 mNm/A", "motor.J": "400 gcm2",
              "motor.friction.tau_C": "5 mNm", "motor.friction.d": "1e-5", "load.J": "2200 gcm2",
              "load.friction.tau_C": "1 mNm", "load.friction.d": "1e-6"}  # fmt: skip
-    words = [word for name, value in sheet.items() for word in ("--set", f"{name}={value}")]
-    assert cobot_joint("new", "--chain", "motor,load", *words, "--out", "machine").returncode == 0
-    logs = [f"run{n}.csv" for n in (1, 2, 3)]
-    assert cobot_joint("inspect", *logs, "--system", "machine/system.ssd", "--out", "first").returncode == 0
-    done = cobot_joint("diagnose", "first/campaign.toml", "--out", "answer")
-    assert done.returncode == 0, done.stderr
-    answer = json.loads((tmp_path / "answer/diagnosis.json").read_text())
+    answer = as_drafted(cobot_joint, "motor,load", sheet, [f"run{n}.csv" for n in (1, 2, 3)])
     (claim,) = [f for f in answer["findings"] if f["confidence"] >= 0.9]
     assert "load.windage" in (claim["term"], *claim["equivalent"])
     assert claim["parameters"]["c"]["value"] == pytest.approx(1.9e-6, rel=0.02)
@@ -220,12 +223,6 @@ def test_a_legs_torque_constant_that_falls_with_current_is_named_from_the_joint_
              "motor.friction.d": "1e-4", "gear.N": "6", "gear.eta": "1", "gear.b": "0", "gear.J_coupled": "0",
              "gear.friction.tau_C": "8e-3", "gear.friction.d": "1e-4", "link.m": "2.4", "link.r": "0.21",
              "link.J_l": "0.03", "link.friction.tau_C": "0.03"}  # fmt: skip
-    words = [word for name, value in sheet.items() for word in ("--set", f"{name}={value}")]
-    assert cobot_joint("new", "--chain", "motor,gear,link", *words, "--out", "machine").returncode == 0
-    logs = [f"hip{n}.csv" for n in (1, 2, 3)]
-    assert cobot_joint("inspect", *logs, "--system", "machine/system.ssd", "--out", "first").returncode == 0
-    done = cobot_joint("diagnose", "first/campaign.toml", "--out", "answer")
-    assert done.returncode == 0, done.stderr
-    answer = json.loads((tmp_path / "answer/diagnosis.json").read_text())
+    answer = as_drafted(cobot_joint, "motor,gear,link", sheet, [f"hip{n}.csv" for n in (1, 2, 3)])
     assert [f["term"] for f in answer["findings"] if f["confidence"] >= 0.5] == ["motor.torque_saturation"]
     assert answer["findings"][0]["parameters"]["s"]["value"] == pytest.approx(1 / 38**2, rel=0.05)

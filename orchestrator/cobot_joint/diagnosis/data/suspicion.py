@@ -78,12 +78,12 @@ def without_faults(recordings: Sequence[Recording]) -> list[Recording]:
 
 
 def _with_bridges(recordings: Sequence[Recording]) -> list[Recording]:
-    """Recordings whose held inputs go on in straight lines instead."""
+    """Recordings whose held inputs go on in straight lines instead; not where the campaign says that they hold."""
     own = [{} if r.scatter else {n: w for n, x in r.inputs.items() if (w := not_renewed(x))} for r in recordings]
     fitted = {n: w for r, held in zip(recordings, own, strict=True) if r.role == "train" for n, w in held.items()}
     seen = [fitted | held for held in own]
     return [
-        _bridged(r, {n: w for n, w in held.items() if n in r.inputs and n not in r.believed})
+        _bridged(r, {n: w for n, w in held.items() if n in r.inputs and n not in r.believed | r.held})
         for r, held in zip(recordings, seen, strict=True)
     ]
 

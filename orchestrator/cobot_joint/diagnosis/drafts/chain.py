@@ -295,7 +295,7 @@ def kept_in_words(made: Chain, given: Iterable[str]) -> list[str]:
         units_of = {n: unit if (unit := c.unit.unit_of(n)) != "1" else "" for n in names}
         told = [f"{n} = {x:g} {units_of[n] or ''}".rstrip() for n, x in values.items() if x]
         if told:
-            lines.append(f"{c.name}: not given, so that the bench's own stand there: {', '.join(told)}\n")
+            lines.append(f"{c.name}: not given, the bench's values are kept: {', '.join(told)}\n")
     return lines
 
 

@@ -115,6 +115,9 @@ def test_a_held_input_is_bridged_in_every_run_and_told() -> None:
         assert np.std(r.inputs["v"] - truth) < 0.25 * held
         assert (r.left_out[0].channel, r.left_out[0].kind) == ("v", "bridged")
         assert "are bridged in a straight line" in r.left_out[0].words
+    said = [replace(r, held={"v"}) for r in runs]  # what the campaign says of it counts
+    for r, given in zip(without_faults(said), said, strict=True):
+        assert r.inputs["v"] is given.inputs["v"]
 
 
 @pytest.mark.parametrize(

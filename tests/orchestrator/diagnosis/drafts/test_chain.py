@@ -58,7 +58,7 @@ def test_what_of_a_data_sheet_was_not_given_is_said_with_the_bench_s_value_and_a
     made = with_data_sheet(chain(["motor", "gear", "load"]), given)
     assert made.system.component("gear").parameters["ratio.N"] == 25.0
     motor, gear = kept_in_words(made, given)[:2]
-    assert motor.startswith("motor: not given, so that the bench's own stand there: winding.L = 8.43e-05 H, ")
+    assert motor.startswith("motor: not given, the bench's values are kept: winding.L = 8.43e-05 H, ")
     assert "mesh.b = 0.0174533 rad" in gear
     assert "mesh.eta = 0.75, " in gear
     assert not any(name in motor + gear for name in ("mesh.c =", "ratio.N", "winding.R"))

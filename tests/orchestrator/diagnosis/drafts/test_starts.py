@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -11,6 +14,7 @@ from cobot_joint.diagnosis.drafts.campaign_text import Guess
 from cobot_joint.diagnosis.drafts.chain import chain, with_data_sheet
 from cobot_joint.diagnosis.drafts.starts import starts
 from cobot_joint.system.model import Inputs, System
+from tests.orchestrator.diagnosis.typed import Done
 
 ARM = {"gear.N": "50", "gear.mesh.b": "0", "link.m": "2 kg", "link.r": "0.3 m"}
 
@@ -81,3 +85,17 @@ def test_no_spring_is_wound_up_where_a_drafted_simulation_begins() -> None:
         ends.append(float(np.ptp(run["link.phi_p"])))
     assert ends[0] == pytest.approx(0.0, abs=1e-9)
     assert ends[1] > 0.1
+
+
+@pytest.mark.parametrize(("parts", "coasts"), [("link", True), ("motor,gear,link", False)])
+def test_only_a_body_alone_is_said_to_coast(
+    tmp_path: Path, cobot_joint: Callable[..., Done], parts: str, coasts: bool
+) -> None:
+    """A motor whose voltage was not logged was to coast from the angle at which its log began."""
+    assert cobot_joint("new", "--chain", parts, "--out", "m").returncode == 0
+    t = 0.01 * np.arange(400)
+    rows = np.column_stack([t, 0.8 + 0.1 * np.sin(3 * t)])
+    np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header="t [s],phi_link [rad]", comments="")
+    done = cobot_joint("inspect", "run.csv", "--system", "m/system.ssd", "--out", "f")
+    assert "first sample of phi_link" in (tmp_path / "f/campaign.toml").read_text()
+    assert ("each run coasts" in done.stdout, "`diagnose` needs one" in done.stdout) == (coasts, not coasts)

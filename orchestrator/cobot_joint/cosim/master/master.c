@@ -49,7 +49,9 @@ static size_t sample_before(const Master *m, size_t k, double t) {
 }
 
 /* The sample from which on inputs that hold theirs do: the one at a tick, however times are rounded */
-static size_t held_since(const Master *m, size_t k, double t) { return sample_before(m, k, t + AT_TICK * m->plan.step); }
+static size_t held_since(const Master *m, size_t k, double t) {
+  return sample_before(m, k, t + AT_TICK * m->plan.step);
+}
 
 /* The system's inputs: the chord over the step, or what is held at its begin; exact where no sample lies inside */
 static void follow_inputs(Master *m, double t, double t_end, double h) {

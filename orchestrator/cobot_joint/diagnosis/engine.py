@@ -39,7 +39,10 @@ from cobot_joint.diagnosis.selection.external_loads import (
 )
 from cobot_joint.diagnosis.selection.misreading import Misread, look_for_misreading
 from cobot_joint.diagnosis.selection.mistimed import held_inputs, look_for_mistiming, still_late
-from cobot_joint.diagnosis.selection.outside import (
+from cobot_joint.diagnosis.selection.selection import Selection
+from cobot_joint.diagnosis.selection.some_recordings import some_of
+from cobot_joint.diagnosis.selection.stepwise import Selector
+from cobot_joint.diagnosis.selection.tolerances.outside import (
     Outside,
     Select,
     beside_load,
@@ -48,9 +51,6 @@ from cobot_joint.diagnosis.selection.outside import (
     look_outside,
     nearly_alone,
 )
-from cobot_joint.diagnosis.selection.selection import Selection
-from cobot_joint.diagnosis.selection.some_recordings import some_of
-from cobot_joint.diagnosis.selection.stepwise import Selector
 from cobot_joint.diagnosis.selection.unlisted.held_against import look_beside_parameter, within_reach
 from cobot_joint.diagnosis.selection.unlisted.remains import remains
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
@@ -111,6 +111,8 @@ def _diagnosed(campaign: Campaign, plant: Plant, say: Progress, store: Store, bu
         late = partial(still_late, problem, explanation.calibrated, at)
         found.mistimed = store.remember("mistimed", at.x, late)
         found.held = store.remember("held", at.x, partial(held_inputs, problem, at))
+        stretches = problem.stretches(at.residual)
+        found.strained = at.at_ends(stretches) if at.is_strained(stretches) else []
     if found.mistimed:  # a wrong name takes some of it: a claim waits for stamps that are right
         found.findings = [f.withheld("a channel's time stamps may be wrong") for f in found.findings]
     found.left_out = budget.left_out
@@ -143,10 +145,7 @@ def explain(
     campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress, store: Store
 ) -> tuple[Diagnosis, Explanation]:
     """What is missing, without where it shows in the recordings and what would tell more."""
-
-    def select() -> Explanation:
-        return _select(campaign, problem, calibrated, say, store)
-
+    select = partial(_select, campaign, problem, calibrated, say, store)
     explanation = problem.budget.kept("selection", select)
     say("writing down what was found")
     if explanation.anchored is not None and not explanation.selected:
@@ -177,10 +176,17 @@ def identify(campaign: Campaign, plant: Plant) -> Diagnosis:
 
 
 def _select(campaign: Campaign, problem: Problem, calibrated: Fit, say: Progress, store: Store) -> Explanation:
+    """What explains the recordings, with the terms of other units that respond alike."""
+    scan = Scan(problem, driven(problem, calibrated, _terms(problem, campaign.terms)), say)
+    found = _searched(campaign, problem, calibrated, scan, say, store)
+    return replace(found, selection=replace(found.selection, indistinguishable=dict(scan.indistinguishable)))
+
+
+def _searched(
+    campaign: Campaign, problem: Problem, calibrated: Fit, scan: Scan, say: Progress, store: Store
+) -> Explanation:
     """With `terms` in the campaign: these, and nothing beyond them. Else channels first, then all, listed or not."""
-    only = campaign.terms
-    scan = Scan(problem, driven(problem, calibrated, _terms(problem, only)), say)
-    if only:
+    if campaign.terms:
         return _selected(campaign, problem, calibrated, scan, say, store)
     say("asking the channels for gains, offsets and delays")
     asked = partial(store.remember, "misread", basis(campaign), lambda: _misread(problem, calibrated))

@@ -232,6 +232,7 @@ class Diagnosis:
     misreading: Misreading | None = None  # of a channel, in place of findings or as good as them
     mistimed: list[str] = field(default_factory=list)  # channels that are late beside all that was found, in words
     held: list[str] = field(default_factory=list)  # inputs that leave less if their values are held, in words
+    strained: list[str] = field(default_factory=list)  # base parameters at their ends, where these are many
     refuted: list[str] = field(default_factory=list)  # base parameters whose withheld repair does not predict
 
     def parameters(self, variant: Literal["nominal", "calibrated", "repaired"]) -> dict[str, float]:
@@ -268,5 +269,6 @@ class Diagnosis:
             | ({"misreading": self.misreading.to_json()} if self.misreading else {})
             | ({"mistimed": self.mistimed} if self.mistimed else {})
             | ({"held": self.held} if self.held else {})
+            | ({"strained": self.strained} if self.strained else {})
             | ({"refuted": self.refuted} if self.refuted else {})
         )

@@ -103,15 +103,19 @@ class Fit:
         return {c.component for k, c in coordinates if c.kind != "base" and self._at(k)}
 
     def is_strained(self, stretches: Stretches | None) -> bool:
-        """Whether so many base parameters end at the ends of their tolerances that the machine is no healthy one.
+        """Whether so many base parameters end at the ends of their tolerances that the machine is no healthy one."""
+        return len(self.at_ends(stretches)) >= max(FEWEST, STRAINED * len(self.hypothesis.base))
+
+    def at_ends(self, stretches: Stretches | None) -> list[str]:
+        """Base parameters that are at an end of their tolerance.
 
         One whose interval is as wide as its tolerance may end anywhere. stretches: see covariance.
         """
-        covariance, coordinates = self.covariance(stretches), self.hypothesis.coordinates
-        base = [k for k, c in enumerate(coordinates) if c.kind == "base"]
-        reach = {k: (coordinates[k].upper - coordinates[k].lower) / 2 for k in base}
-        ends = sum(bool(self._at(k)) and NORMAL * _sigma(covariance, k) < reach[k] for k in base)
-        return ends >= max(FEWEST, STRAINED * len(base))
+        covariance, found = self.covariance(stretches), []
+        for k, c in enumerate(self.hypothesis.coordinates[: len(self.hypothesis.base)]):
+            if self._at(k) and NORMAL * _sigma(covariance, k) < (c.upper - c.lower) / 2:
+                found.append(c.names[0])
+        return found
 
     def _at(self, k: int) -> Literal["lower", "upper"] | None:
         """The bound at which coordinate k is."""

@@ -21,10 +21,10 @@ from cobot_joint.diagnosis.explanation.waves import hides_a_wave, in_place_of, r
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.selection.confidence import beside_background
 from cobot_joint.diagnosis.selection.elimination import prune, worth_naming
-from cobot_joint.diagnosis.selection.outside import Outside
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.some_recordings import some_of
 from cobot_joint.diagnosis.selection.stepwise import Selector
+from cobot_joint.diagnosis.selection.tolerances.outside import Outside
 from cobot_joint.diagnosis.selection.unlisted.held_against import look_beside, look_for_unmodelled
 from cobot_joint.diagnosis.selection.unlisted.remains import remains
 from cobot_joint.diagnosis.selection.unlisted.together import Pair, look_together

@@ -10,12 +10,13 @@ from cobot_joint.diagnosis.anchored.search import Search
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem
+from cobot_joint.diagnosis.estimation.projection import solve
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding, Ground, Verdict
 from cobot_joint.diagnosis.localization.evidence import where_it_shows
 from cobot_joint.diagnosis.selection.confidence import BESIDE_MUCH, COUNTED_TERMS, beside_background, confidence
 from cobot_joint.diagnosis.selection.misreading import Misread
-from cobot_joint.diagnosis.selection.outside import Outside
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
+from cobot_joint.diagnosis.selection.tolerances.outside import Outside
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 
 
@@ -163,6 +164,7 @@ def _finding(
     vague = size is not None and size.ci95 is not None and size.ci95[0] <= active.term.neutral <= size.ci95[1]
     if len(both) > 1 and vague:  # which unit has how much of it is not known; how much both have may be
         vague = explanation.fit.is_none([a.term.amplitude for a in both], problem.stretches(explanation.fit.residual))
+    vague = vague and not _no_parameter_does(problem, explanation, both, selected.gain)
     as_large = all(repaired[a.term.amplitude].at for a in both if a.term.amplitude in repaired)
     short = size is not None and as_large and problem.stands_out(explanation.fit.residual)
     straight = _may_be_a_parameter(explanation.fit, active)
@@ -181,6 +183,20 @@ def _finding(
         words = "its curve bends beyond the speeds driven: a parameter of its unit that has no tolerance may be wrong"
         found = found.withheld(words)
     return found.withheld("it is as large as it may be, and that is not enough") if short else found
+
+
+def _no_parameter_does(problem: Problem, explanation: Explanation, terms: Sequence[ActiveTerm], gain: float) -> bool:
+    """Whether most of what terms take is left by all base parameters together, wherever their bounds are, in the linear
+    terms of the calibrated fit. Where a term ends at what its form allows, those of the last fit mislead: a friction
+    that is none in one direction differs there from no other."""
+    at, base = explanation.fit, explanation.calibrated
+    without = at.run.with_values({a.term.amplitude: a.term.neutral for a in terms})
+    (other,) = problem.simulate([without])
+    if other is None:
+        return False
+    does, J = at.simulated.white - other.white, base.jacobian
+    rest = does - J @ solve(J.T @ J, J.T @ does)
+    return float(rest @ rest) > thresholds.HOLDS * gain
 
 
 def _may_be_a_parameter(fit: Fit, active: ActiveTerm) -> bool:

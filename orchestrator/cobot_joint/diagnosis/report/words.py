@@ -173,6 +173,12 @@ def notes(content: Json) -> list[str]:
             if fails(content["channels"]) == "train"
             else "what was found does not predict held-out runs better than the system without it"
         )
+    if strained := content.get("strained"):
+        said.append(
+            f"{len(strained)} of the {len(content['calibrated'])} parameters that may move end at the ends of their "
+            f"tolerances ({', '.join(strained)}): one that may not move is wrong, or tolerances are too narrow; give a "
+            "range in [tolerances] to what is not certain"
+        )
     if refuted := content.get("refuted"):
         one = "outside its tolerance improves the training runs, not the held-out ones: rejected"
         several = "outside their tolerances improve the training runs, not the held-out ones: rejected"

@@ -20,8 +20,8 @@ from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.explanation import beyond_the_list as beyond
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.plant.correction import Factor, Product
-from cobot_joint.diagnosis.selection.outside import Outside
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
+from cobot_joint.diagnosis.selection.tolerances.outside import Outside
 from cobot_joint.diagnosis.selection.unlisted.together import Pair
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 from tests.orchestrator.diagnosis.axis import NOMINAL, OFF, Axis, campaign

@@ -17,6 +17,8 @@ from cobot_joint.diagnosis.findings import Estimate
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from tests.orchestrator.diagnosis.axis import NOISE, NOMINAL, TERMS, Axis, campaign
 
+FRICTION = {"axis.tau_C": (0.018, 0.022), "axis.d": (1.8e-3, 2.2e-3)}
+
 
 @pytest.mark.parametrize(("interval", "claimed"), [((0.5e-5, 1.5e-5), True), ((-0.5e-5, 2.5e-5), False)])
 def test_a_term_whose_size_may_be_none_is_no_claim(
@@ -24,8 +26,9 @@ def test_a_term_whose_size_may_be_none_is_no_claim(
 ) -> None:
     case = campaign({"axis.windage.c": 1e-5})
     problem = Problem(Axis(), case.train, {"w": Noise(NOISE)})
-    base = fit(problem, Hypothesis(()))
-    found = fit(problem, Hypothesis((), (ActiveTerm(TERMS[0], {"axis.windage.c": 1e-5}),)))
+    free = tolerances(problem, FRICTION)
+    base = fit(problem, Hypothesis(free))
+    found = fit(problem, Hypothesis(free, (ActiveTerm(TERMS[0], {"axis.windage.c": 1e-5}),)))
     assert base is not None
     assert found is not None
     own = type(found).estimates
@@ -48,17 +51,20 @@ def test_what_two_units_have_together_is_a_claim_though_either_may_have_none(tol
     problem = Problem(Axis(), case.train, {"w": Noise(NOISE)})
     windage = TERMS[0]
     twin = replace(windage, name="b.windage", amplitude="b.windage.c")
-    base = fit(problem, Hypothesis(()))
-    one = fit(problem, Hypothesis((), (ActiveTerm(windage, {"axis.windage.c": 1e-5}),)))
+    free = tolerances(problem, FRICTION)
+    base = fit(problem, Hypothesis(free))
+    one = fit(problem, Hypothesis(free, (ActiveTerm(windage, {"axis.windage.c": 1e-5}),)))
     assert base is not None
     assert one is not None
-    both = Hypothesis((), tuple(ActiveTerm(t, {t.amplitude: 5e-6}) for t in (windage, twin)))
-    apart = 1e-4 * np.linalg.norm(one.jacobian) * np.eye(len(one.residual), 1)
-    J = told * np.hstack([one.jacobian + apart, one.jacobian - apart])
+    both = Hypothesis(free, tuple(ActiveTerm(t, {t.amplitude: 5e-6}) for t in (windage, twin)))
+    friction, own = np.hsplit(one.jacobian, [len(free)])
+    apart = 1e-4 * np.linalg.norm(own) * np.eye(len(own), 1)
+    J = np.hstack([friction, told * (own + apart), told * (own - apart)])
     found = replace(one, hypothesis=both, x=both.start(), jacobian=J)
     each = found.estimates({})["axis.windage.c"].ci95
     assert each[0] < 0 < each[1]
-    alike = Selection([base, found], [Selected("axis.windage", 1e5)], indistinguishable={"b.windage": "axis.windage"})
+    selected = [Selected("axis.windage", base.cost - one.cost)]
+    alike = Selection([base, found], selected, indistinguishable={"b.windage": "axis.windage"})
     (finding,) = answer(problem, Explanation(base, found, alike, alike.selected)).findings
     assert (finding.confidence >= 0.5) == claimed
     assert ("its size may be none" in finding.limited_by) != claimed
@@ -107,3 +113,24 @@ def test_a_term_that_needs_many_parameters_at_the_ends_of_their_tolerances_is_no
     (finding,) = answer(problem, Explanation(base, found, selection, selection.selected)).findings
     assert (finding.confidence >= 0.5) == claimed
     assert ("ends of their tolerances" in finding.limited_by) != claimed
+
+
+@pytest.mark.parametrize(("name", "claimed"), [("axis.cogging", True), ("axis.stribeck", False)])
+def test_a_size_that_no_fit_tells_is_some_where_no_parameter_does_what_the_term_does(
+    name: str, claimed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A motor's friction that is none forwards hides, in the fit with it, that its size is needed (a conveyor); one
+    that bends beyond the speeds driven is dry friction."""
+    shapes = {"axis.cogging": {"A": 6e-3, "n": 5.0, "phi_0": 0.4}, "axis.stribeck": {"tau_S": 6e-3, "w_S": 45.0}}
+    values = {f"{name}.{short}": value for short, value in shapes[name].items()}
+    problem = Problem(Axis(), campaign(values).train, {"w": Noise(NOISE)})
+    free = tolerances(problem, FRICTION)
+    base = fit(problem, Hypothesis(free))
+    term = next(t for t in TERMS if t.name == name)
+    found = fit(problem, Hypothesis(free, (ActiveTerm(term, values),)))
+    assert base is not None
+    assert found is not None
+    monkeypatch.setattr(type(found), "estimates", lambda *_: {n: Estimate(1.0, "1", (-1.0, 1.0)) for n in values})
+    selection = Selection([base, found], [Selected(name, base.cost - found.cost)])
+    (finding,) = answer(problem, Explanation(base, found, selection, selection.selected)).findings
+    assert ("its size may be none" in finding.limited_by) != claimed

@@ -16,6 +16,15 @@ def test_cogging_once_per_turn_is_said_to_be_perhaps_a_weight(n: float, said: bo
     assert any("a weight or an imbalance" in note for note in notes(content)) == said
 
 
+def test_parameters_that_end_at_the_ends_of_their_tolerances_are_said_where_they_are_many() -> None:
+    content = {"verdict": "undecided", "findings": [], "channels": {}, "structure": {}, "repair": "offered"}
+    content |= {"strained": ["a.R", "a.J", "b.J"], "calibrated": {name: {} for name in ("a.R", "a.J", "b.J", "b.d")}}
+    said = " ".join(notes(content))
+    assert "3 of the 4 parameters" in said
+    assert "(a.R, a.J, b.J)" in said
+    assert "[tolerances]" in said
+
+
 def test_numbers_read_as_people_write_them() -> None:
     assert number(2.1e-7) == "2.1·10⁻⁷"
     assert number(-0.5) == "−0.5"

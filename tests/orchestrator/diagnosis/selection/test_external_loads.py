@@ -29,9 +29,9 @@ from cobot_joint.diagnosis.selection.external_loads import (
     look_for_unlogged_load,
     short_times,
 )
-from cobot_joint.diagnosis.selection.outside import beside_load
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.stepwise import Selector
+from cobot_joint.diagnosis.selection.tolerances.outside import beside_load
 from cobot_joint.system.read import load_system
 from tests.orchestrator.diagnosis.bench import NOISE, SETUPS, TIME, calibrated, recordings
 

@@ -13,9 +13,10 @@ from cobot_joint.diagnosis.estimation.port_response import refit
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.selection.confidence import beside_background
 from cobot_joint.diagnosis.selection.elimination import without
-from cobot_joint.diagnosis.selection.outside import Outside, beside_listed, held, leaves_least
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.stepwise import Selector
+from cobot_joint.diagnosis.selection.tolerances.letting_go import held, leaves_least
+from cobot_joint.diagnosis.selection.tolerances.outside import Outside, beside_listed
 from cobot_joint.diagnosis.selection.unlisted.places import pointed_to
 from cobot_joint.diagnosis.selection.unlisted.remains import remains
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Say, Unmodelled, acts_where, look_at_ports

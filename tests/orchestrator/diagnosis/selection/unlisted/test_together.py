@@ -16,9 +16,9 @@ from cobot_joint.diagnosis.estimation.calibrate import calibrate
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.problem import Problem, one_blas_thread
 from cobot_joint.diagnosis.explanation.explanation import Explanation, answer
-from cobot_joint.diagnosis.selection.outside import Outside
 from cobot_joint.diagnosis.selection.selection import Selection
 from cobot_joint.diagnosis.selection.stepwise import Selector
+from cobot_joint.diagnosis.selection.tolerances.outside import Outside
 from cobot_joint.diagnosis.selection.unlisted import together
 from cobot_joint.diagnosis.selection.unlisted.together import Pair, look_together
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled, look_at_ports

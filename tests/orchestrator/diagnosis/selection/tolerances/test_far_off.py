@@ -23,9 +23,9 @@ from cobot_joint.diagnosis.estimation.problem import Problem, one_blas_thread
 from cobot_joint.diagnosis.explanation.explanation import Explanation
 from cobot_joint.diagnosis.findings import Estimate
 from cobot_joint.diagnosis.plant.plant import Parameter, Signals
-from cobot_joint.diagnosis.selection.far_off import TIMES, values_from_afar
-from cobot_joint.diagnosis.selection.outside import leaves_least
 from cobot_joint.diagnosis.selection.selection import Selection
+from cobot_joint.diagnosis.selection.tolerances.far_off import TIMES, values_from_afar
+from cobot_joint.diagnosis.selection.tolerances.outside import leaves_least
 from cobot_joint.diagnosis.store import Store
 from tests.orchestrator.diagnosis.axis import Axis, campaign
 from tests.orchestrator.diagnosis.estimation.test_multiscale import LATE, PRECISION, stop

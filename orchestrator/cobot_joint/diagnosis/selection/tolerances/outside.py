@@ -9,26 +9,31 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.estimation.effects import FreeParameter, PortSignal
-from cobot_joint.diagnosis.estimation.fit import AT_BOUND, Fit
-from cobot_joint.diagnosis.estimation.least_squares import fit, predicted_decrease
-from cobot_joint.diagnosis.estimation.multiscale import slow_first
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.least_squares import fit
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.findings import Estimate, Finding
 from cobot_joint.diagnosis.localization.evidence import where_it_gains
-from cobot_joint.diagnosis.selection.competition import Competition, finished
+from cobot_joint.diagnosis.selection.competition import finished
 from cobot_joint.diagnosis.selection.confidence import beside_background, confidence
 from cobot_joint.diagnosis.selection.elimination import kept_beside, without, without_terms
-from cobot_joint.diagnosis.selection.far_off import values_from_afar
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.stepwise import share
+from cobot_joint.diagnosis.selection.tolerances.letting_go import (
+    freed,
+    held,
+    in_its_place,
+    leaves_least,
+    left_by_parameters,
+    nearby,
+    needed,
+    slack_of,
+)
 from cobot_joint.diagnosis.selection.unlisted.remains import remains
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
 
-TRIED = 4  # parameters that are fitted, of those from which the Jacobian expects most; beside listed terms one
 LETTING_GO = "letting go of parameters, one at a time"
 
 Select = Callable[[Fit], Selection]
@@ -59,7 +64,7 @@ class Outside:
 
     def with_formula(self, problem: Problem, found: Unmodelled) -> Outside | None:
         """Beside what is on no list, and the listed terms that stay with it. None: beside these it is not needed."""
-        gain = _needed(problem, found.fit)
+        gain = needed(problem, found.fit)
         if gain is None:
             return None
         selection = replace(self.selection, history=[self.selection.history[0], found.fit], selected=found.selected)
@@ -109,7 +114,7 @@ def look_outside(
     best = leaves_least(problem, calibrated, thresholds.WORTH_FITTING * max(taken if len(selected) < 2 else first, 0.0))
     gain = calibrated.cost - best.cost if best is not None else 0.0
     if best is not None and gain >= problem.evidence:
-        slack = _slack(problem, explained)
+        slack = slack_of(problem, explained)
         slow = not selected and _takes_what_is_slow(problem, calibrated, explained, best)
         nearly = max(slack, thresholds.HARDLY_LEFT_SHARE * taken) if _beyond_what_was_driven(explained) else slack
         fits = [found.is_strained(problem.stretches(found.residual)) for found in (explained, best)]
@@ -127,7 +132,7 @@ def look_outside(
                 return without_it
             as_good = len(selected) == 1 and explained.cost - best.cost < slack
             listed = (selected[0].term, *selected[0].alike) if as_good else ()
-            found = Outside(more, gain, (*listed, *_others(problem, calibrated, best)))
+            found = Outside(more, gain, (*listed, *in_its_place(problem, calibrated, best)))
             say(f"{found.name} outside its tolerance leaves no more")
             return found
     one = _in_place_of_one(problem, calibrated, explained, selected, say) if len(selected) > 1 else None
@@ -145,11 +150,11 @@ def nearly_alone(problem: Problem, listed: Selection, select: Select, say: Say) 
         return None
     say(LETTING_GO)
     above = problem.above(calibrated.residual)
-    best = _nearby(problem, calibrated, thresholds.HOLDS * above, tried=2)
+    best = nearby(problem, calibrated, thresholds.HOLDS * above, tried=2)
     if best is None or problem.above(best.residual) > thresholds.REMAINDER * above:
         return None
     left, rest = remains(problem, listed.fit, best)
-    behind, slack = best.cost - listed.fit.cost, _slack(problem, listed.fit)
+    behind, slack = best.cost - listed.fit.cost, slack_of(problem, listed.fit)
     as_one = len(listed.selected) == 1 and behind < slack
     if left < thresholds.TIMES_LESS * rest and not as_one:
         return None
@@ -157,7 +162,7 @@ def nearly_alone(problem: Problem, listed: Selection, select: Select, say: Say) 
     if _needless(problem, calibrated, best, more):
         return None
     alike = (listed.selected[0].term, *listed.selected[0].alike) if as_one and behind > -slack else ()
-    found = Outside(more, calibrated.cost - best.cost, (*alike, *_others(problem, calibrated, best)))
+    found = Outside(more, calibrated.cost - best.cost, (*alike, *in_its_place(problem, calibrated, best)))
     say(f"{found.name} outside its tolerance takes {share(found.gain, above)} of what is above noise")
     return found
 
@@ -172,12 +177,12 @@ def beside_load(problem: Problem, listed: Selection, say: Say) -> Outside | None
     say(LETTING_GO)
     best = leaves_least(problem, listed.fit, thresholds.HOLDS * left, tried=1)
     enough = (1 - thresholds.LOADS_TAKE) * problem.above(calibrated.residual)
-    gain = _needed(problem, best) if best is not None and problem.above(best.residual) < enough else None
+    gain = needed(problem, best) if best is not None and problem.above(best.residual) < enough else None
     worth = _worth(problem, best, listed.selected) if best is not None and gain is not None else []
     kept = len(worth) == len(listed.selected) and all(term.gain >= problem.evidence for term in worth)
     if best is None or gain is None or not kept:
         return None
-    others = _others(problem, listed.fit, best)
+    others = in_its_place(problem, listed.fit, best)
     found = Outside(replace(listed, history=[calibrated, best], selected=worth), gain, others)
     say(f"{found.name} outside its tolerance takes {share(gain, left)} of what the load leaves")
     return found
@@ -188,25 +193,25 @@ def let_go(
 ) -> Outside | None:
     """One parameter free of its tolerance, from a value on, and the listed terms that `select` finds beside it. None:
     it takes nothing from free runs, is not needed beside these terms, or may not go beyond its tolerance."""
-    freed = next((each for each in _freed(calibrated, value) if each.hypothesis.effects[-1].name in value), None)
-    best = fit(problem, freed.hypothesis, freed.x, None, finished(1)) if freed else None
+    free = next((each for each in freed(calibrated, value) if each.hypothesis.effects[-1].name in value), None)
+    best = fit(problem, free.hypothesis, free.x, None, finished(1)) if free else None
     if best is None or calibrated.cost - best.cost < problem.evidence:
         return None
     more = _with_terms(problem, best, select)
-    gain = _needed(problem, more.fit) if more.selected else calibrated.cost - best.cost
+    gain = needed(problem, more.fit) if more.selected else calibrated.cost - best.cost
     return Outside(more, gain, alike) if gain is not None else None
 
 
-def beside_listed(problem: Problem, freed: Fit, formula: Unmodelled, select: Select) -> Outside | None:
+def beside_listed(problem: Problem, outside: Fit, formula: Unmodelled, select: Select) -> Outside | None:
     """A parameter with listed terms that do as well beside it as the formula does: a sensor's offset is no constant on
     no list (machine 227/26). None: there are none, or the formula outdoes them, or the parameter is not needed.
 
-    freed: with the parameter, without the formula.
+    outside: with the parameter, without the formula.
     """
-    more = select(freed)
+    more = select(outside)
     if not more.selected or formula.outdoes(problem, more.fit):
         return None
-    gain = _needed(problem, more.fit)
+    gain = needed(problem, more.fit)
     return Outside(more, gain, ()) if gain is not None else None
 
 
@@ -236,8 +241,10 @@ def _in_place_of_one(
     leaves less by no more than a further one would need to take."""
     slack = thresholds.ALIKE + thresholds.WORTH * problem.above(explained.residual)
     for term in sorted(selected, key=lambda s: s.gain):
+        if left_by_parameters(explained, term.term) > thresholds.HOLDS * max(term.gain, problem.evidence):
+            continue
         rest = without_terms(problem, explained, {term.term})
-        best = _nearby(problem, rest, thresholds.ALONE * (rest.cost - explained.cost), 1) if rest is not None else None
+        best = nearby(problem, rest, thresholds.ALONE * (rest.cost - explained.cost), 1) if rest is not None else None
         if (
             rest is None
             or best is None
@@ -247,6 +254,7 @@ def _in_place_of_one(
             continue
         kept = [s for s in selected if s is not term]
         alike = (term.term, *term.alike) if explained.cost - best.cost < slack else ()
+        alike = *alike, *in_its_place(problem, rest, best)
         found = Outside(Selection([calibrated, best], kept), rest.cost - best.cost, alike)
         say(f"{found.name} outside its tolerance does as well as {term.term}")
         return found
@@ -263,17 +271,12 @@ def _beside(
     fewer, kept = kept_beside(problem, best, selected)
     if not _leaves_less(problem, fewer, explained):
         fewer, kept = best, list(selected)
-    gain = _needed(problem, fewer)
+    gain = needed(problem, fewer)
     if gain is None:
         return None
-    found = Outside(Selection([calibrated, fewer], kept), gain, _others(problem, explained, best))
+    found = Outside(Selection([calibrated, fewer], kept), gain, in_its_place(problem, explained, best))
     say(f"{found.name} outside its tolerance leaves a third of what the terms leave")
     return found
-
-
-def _slack(problem: Problem, found: Fit) -> float:
-    """Cost by which another may differ from it, and cannot be told from it."""
-    return thresholds.ALIKE + thresholds.ALIKE_SHARE * max(problem.excess(found.residual), 0.0)
 
 
 def _beyond_what_was_driven(explained: Fit) -> bool:
@@ -307,94 +310,10 @@ def _needless(problem: Problem, calibrated: Fit, alone: Fit, more: Selection) ->
 def _worth(problem: Problem, fit: Fit, selected: Sequence[Selected]) -> list[Selected]:
     """Terms, each with what the fit loses without it now; those that it can be simulated without."""
     rests = [without_terms(problem, fit, {term.term}) for term in selected]
-    return [Selected(s.term, r.cost - fit.cost) for s, r in zip(selected, rests, strict=True) if r is not None]
+    return [replace(s, gain=r.cost - fit.cost) for s, r in zip(selected, rests, strict=True) if r is not None]
 
 
 def _leaves_less(problem: Problem, fit: Fit, other: Fit) -> bool:
     """Whether it leaves so much less that one number more does not account for it."""
     left = max(problem.excess(fit.residual), problem.excess_scatter)
     return thresholds.TIMES_LESS * left < problem.excess(other.residual)
-
-
-def leaves_least(problem: Problem, calibrated: Fit, least: float, tried: int = TRIED) -> Fit | None:
-    """A fit with that parameter free which leaves least, of the few that promise most; None: none promises so much.
-
-    Where the best leaves what stands out, also of those that take most of it from afar.
-    """
-    best = _nearby(problem, calibrated, least, tried)
-    if not problem.stands_out((best or calibrated).residual):
-        return best
-    values, most = values_from_afar(problem, calibrated)[:tried], calibrated.cost - least
-    far = [free for name, value in values for free in _freed(calibrated, {name: value}, at_bounds=False)]
-    fits = [slow_first(problem, free.hypothesis, free.x, finished(1), most) for free in far]
-    return _lowest([best, *(each for each in fits if each and each.cost < most)])
-
-
-def _nearby(problem: Problem, calibrated: Fit, least: float, tried: int) -> Fit | None:
-    """The same, of those that promise so much by their sensitivities."""
-    promising = sorted(((predicted_decrease(free), k, free) for k, free in enumerate(_freed(calibrated))), reverse=True)
-    enough = max(least, thresholds.WORTH_FITTING * promising[0][0]) if promising else least
-    near = [each[2] for each in promising if each[0] > enough][:tried]
-    best = _lowest([fit(problem, free.hypothesis, free.x, free.jacobian, finished(1)) for free in near])
-    return Competition(problem).finished(best) if best is not None and problem.unexplained(best.residual) else best
-
-
-def _others(problem: Problem, calibrated: Fit, best: Fit) -> tuple[str, ...]:
-    """Parameters that, let go of in its place, leave as little: a carriage of 8.4 kg for 6 was a rotor of 3.7 times its
-    inertia, 95 %, on a shaft that turns as if stiff."""
-    name, gain = best.hypothesis.effects[-1].name, calibrated.cost - best.cost
-    slack = _slack(problem, best)
-    freed = [free for free in _freed(calibrated) if free.hypothesis.effects[-1].name != name]
-    likely = sorted(freed, key=predicted_decrease, reverse=True)[: TRIED - 1]
-    found = []
-    for free in (each for each in likely if predicted_decrease(each) > thresholds.ALONE * gain):
-        other = fit(problem, free.hypothesis, free.x, free.jacobian, finished(1))
-        if other is not None and Competition(problem).finished(other).cost - best.cost < slack:
-            found.append(free.hypothesis.effects[-1].name)
-    return tuple(found)
-
-
-def _lowest(fits: Sequence[Fit | None]) -> Fit | None:
-    """The one of lowest cost."""
-    return min((each for each in fits if each is not None), key=lambda each: each.cost, default=None)
-
-
-def _freed(calibrated: Fit, values: Mapping[str, float] | None = None, at_bounds: bool = True) -> list[Fit]:
-    """The fit with each base parameter that is at a bound free of it, in the fit's own linear terms. values: of those
-    that begin elsewhere, at a bound or not. at_bounds: the others, too."""
-    at, known, found = calibrated.settled(), values or {}, []
-    hypothesis, count = at.hypothesis, len(at.x)
-    for k, base in enumerate(hypothesis.base):
-        (c,) = base.coordinates
-        if base.name not in known and (not at_bounds or abs(at.x[k]) < 1 - AT_BOUND):
-            continue
-        free = FreeParameter(base, known.get(base.name, c.start + c.scale * float(at.x[k])))
-        if free.coordinates[0].lower > c.lower - AT_BOUND and free.coordinates[0].upper < c.upper + AT_BOUND:
-            continue  # it may go no farther
-        order = [*(j for j in range(count) if j != k), k]
-        others = tuple(other for other in hypothesis.base if other is not base)
-        less = replace(hypothesis, base=others, effects=(*hypothesis.effects, free))
-        x = np.append(np.delete(at.x, k), free.start())
-        found.append(replace(at, hypothesis=less, x=x, jacobian=np.asarray(at.jacobian[:, order])))
-    return found
-
-
-def _needed(problem: Problem, outside: Fit) -> float | None:
-    """Cost that the parameter takes from all that is beside it. None: too little for a name."""
-    inside = held(problem, outside)
-    gain = inside.cost - outside.cost if inside is not None else np.inf
-    return gain if np.isfinite(gain) and gain >= problem.evidence else None
-
-
-def held(problem: Problem, outside: Fit) -> Fit | None:
-    """The same with the parameter inside its tolerance again, all else re-fitted. None: it cannot be simulated."""
-    at = outside.settled()
-    hypothesis, count = at.hypothesis, len(at.hypothesis.base)
-    n, free = next((n, e) for n, e in enumerate(hypothesis.effects) if isinstance(e, FreeParameter))
-    others = tuple(e for e in hypothesis.effects if e is not free)
-    k = count + sum(len(e.coordinates) for e in hypothesis.effects[:n])
-    order = [*range(count), k, *(j for j in range(count, len(at.x)) if j != k)]
-    inside = replace(hypothesis, base=(*hypothesis.base, free.base), effects=others)
-    x = at.x[order]
-    x[count] = np.clip(x[count], -1, 1)
-    return fit(problem, inside, x, np.asarray(at.jacobian[:, order]), finished(1))

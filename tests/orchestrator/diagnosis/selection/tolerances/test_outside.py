@@ -27,16 +27,15 @@ from cobot_joint.diagnosis.plant.correction import Factor, Product
 from cobot_joint.diagnosis.plant.plant import Signals
 from cobot_joint.diagnosis.selection.competition import finished
 from cobot_joint.diagnosis.selection.elimination import kept_beside
-from cobot_joint.diagnosis.selection.outside import (
+from cobot_joint.diagnosis.selection.selection import Selected, Selection
+from cobot_joint.diagnosis.selection.tolerances.letting_go import held, leaves_least
+from cobot_joint.diagnosis.selection.tolerances.outside import (
     Outside,
-    held,
     in_place_of,
-    leaves_least,
     let_go,
     look_outside,
     nearly_alone,
 )
-from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.selection.unlisted import held_against
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled, look_at_ports
 from cobot_joint.diagnosis.store import Store
@@ -92,12 +91,13 @@ def test_one_term_that_takes_no_more_does_not_keep_a_parameter_waiting() -> None
 
 
 class TwoBodies(Axis):
-    """The axis and a load on one stiff shaft."""
+    """The axis and a load on one stiff shaft. load: its inertia, of a whole that is the axis's."""
 
-    def __init__(self) -> None:
+    def __init__(self, load: float = 0.4e-3) -> None:
         super().__init__()
-        self.parameters["load.J"] = replace(self.parameters["axis.J"], name="load.J", nominal=0.4e-3)
-        self.parameters["axis.J"] = replace(self.parameters["axis.J"], nominal=0.6e-3)
+        own = self.parameters["axis.J"]
+        self.parameters["load.J"] = replace(own, name="load.J", nominal=load)
+        self.parameters["axis.J"] = replace(own, nominal=own.nominal - load)
 
     def has(self, name: str, recording: Recording) -> bool:
         """See Plant.has."""
@@ -105,8 +105,8 @@ class TwoBodies(Axis):
 
     def simulate(self, values: Mapping[str, float], recording: Recording, **others: Any) -> Signals:
         """See Plant.simulate."""
-        own = {"axis.J": 0.6e-3, **values}
-        return super().simulate({**own, "axis.J": own["axis.J"] + own.pop("load.J", 0.4e-3)}, recording, **others)
+        own = {name: self.parameters[name].nominal for name in ("axis.J", "load.J")} | dict(values)
+        return super().simulate({**own, "axis.J": own["axis.J"] + own.pop("load.J")}, recording, **others)
 
 
 def test_another_parameter_that_would_leave_as_little_is_said_with_it() -> None:
@@ -115,6 +115,38 @@ def test_another_parameter_that_would_leave_as_little_is_said_with_it() -> None:
     case = replace(case, tolerances={**case.tolerances, "load.J": Tolerance(relative=0.1)})
     (found,) = diagnose_plant(case, TwoBodies()).findings
     assert {found.term, *found.equivalent} == {"axis.J", "load.J"}
+
+
+@pytest.mark.parametrize("load", [0.4e-3, 0.0])
+def test_so_is_one_that_the_campaign_gives_no_tolerance(load: float) -> None:
+    """A conveyor's roller, whose viscous friction was 0 in the system, had what its motor was said to have."""
+    (found,) = diagnose_plant(campaign({"axis.J": 1.6 * NOMINAL["axis.J"]}), TwoBodies(load)).findings
+    assert (found.term, found.equivalent) == ("axis.J", ("load.J",))
+
+
+class TwoFrictions(Axis):
+    """The axis and a load on one stiff shaft, each with a friction that differs by direction."""
+
+    def __init__(self) -> None:
+        own = next(t for t in TERMS if t.name == "axis.asymmetry")
+        super().__init__((*TERMS, replace(own, name="load.asymmetry", amplitude="load.asymmetry.tau_A")))
+
+    def has(self, name: str, recording: Recording) -> bool:
+        """See Plant.has."""
+        return super().has(name, recording) or name.split(".")[0] == "load"
+
+    def simulate(self, values: Mapping[str, float], recording: Recording, **others: Any) -> Signals:
+        """See Plant.simulate."""
+        own = {"axis.asymmetry.tau_A": 0.0, **values}
+        more = own.pop("load.asymmetry.tau_A", 0.0)
+        return super().simulate(own | {"axis.asymmetry.tau_A": own["axis.asymmetry.tau_A"] + more}, recording, **others)
+
+
+def test_a_term_beside_it_is_said_with_the_other_unit_that_may_have_it() -> None:
+    """A conveyor's gear had the friction that was claimed of its motor alone, on one shaft with it."""
+    case = campaign({"axis.asymmetry.tau_A": 6e-3, "axis.d": 1.6 * NOMINAL["axis.d"]})
+    said = {f.term: f.equivalent for f in diagnose_plant(case, TwoFrictions()).findings}
+    assert said == {"axis.d": (), "axis.asymmetry": ("load.asymmetry",)}
 
 
 @pytest.mark.parametrize("strained", [True, False])

@@ -1,0 +1,1 @@
+"""Base parameters outside their tolerances: found, held against listed terms, and told from one another."""

@@ -82,10 +82,10 @@ def _said(f: Json, terms: Mapping[str, TermText]) -> str:
     """A finding with its place and confidence."""
     sure = f"({percent(f.get('confidence'))} sure)"
     if f.get("shape"):
-        return f"an effect that is on no list, at {f['component']} {sure}"
+        return f"an effect that is on no list, at {_units(f)} {sure}"
     places = [term.split(".")[0] for term in f.get("equivalent") or () if is_unlisted(term)]
     rival = f", or an effect that is on no list at {listed(places, 'or')}" if places else ""
-    return f"{title_of(f['term'], terms)} in {f['component']}{rival} {sure}"
+    return f"{title_of(f['term'], terms)} in {_units(f)}{rival} {sure}"
 
 
 def _farthest_off(channels: Mapping[str, Json]) -> str:
@@ -100,8 +100,14 @@ def _farthest_off(channels: Mapping[str, Json]) -> str:
 
 def _parameter(f: Json) -> str:
     """name of component"""
-    component, name = f["term"].split(".", 1)
-    return f"{name} of {component}"
+    return f"{f['term'].split('.', 1)[1]} of {_units(f)}"
+
+
+def _units(f: Json) -> str:
+    """The unit that has it, or those of which each may."""
+    own, name = f["term"].split(".", 1)
+    others = [term.split(".", 1) for term in f.get("equivalent") or ()]
+    return listed([own, *(unit for unit, same in others if same == name)], "or")
 
 
 def _largest(discrepancy: Sequence[Json]) -> str:

@@ -88,20 +88,19 @@ def words(text: str) -> str:
     return re.sub(r"\s+", " ", root.text_content())
 
 
+STRIBECK = "Stribeck friction in planetary_gear or motor_bldc"
+
+
 @pytest.mark.parametrize(
     ("verdict", "findings", "sentence"),
     [
         ("nothing_missing", [], "Nothing is missing: inside its tolerances the system explains these recordings"),
-        (
-            "explained",
-            [FINDING],
-            "The model lacks Stribeck friction in planetary_gear (97 % sure); modelling it removes 100 % of",
-        ),
+        ("explained", [FINDING], f"The model lacks {STRIBECK} (97 % sure); modelling it removes 100 % of"),
         ("unlisted", [UNLISTED], "lacks an effect that is on no list, at mr_brake_belt (97 % sure)"),
         (
             "explained",
             [FINDING | {"confidence": 0.3}],
-            "No effect reaches 50 % confidence; the closest is Stribeck friction in planetary_gear (30 % sure)",
+            f"No effect reaches 50 % confidence; the closest is {STRIBECK} (30 % sure)",
         ),
         (
             "explained",
@@ -115,14 +114,19 @@ def words(text: str) -> str:
         ),
         (
             "explained",
+            [PARAMETER | {"equivalent": ["motor.body.J", "gear.body.J", "motor.rotor.J"]}],
+            "body.J of load, motor or gear is outside its tolerance",
+        ),
+        (
+            "explained",
             [FINDING, PARAMETER],
-            "in planetary_gear (97 % sure), and body.J of load is outside its tolerance (97 % sure); modelling it",
+            f"lacks {STRIBECK} (97 % sure), and body.J of load is outside its tolerance (97 % sure); modelling it",
         ),
         (
             "explained",
             [FINDING, PARAMETER | {"confidence": 0.06}],
-            "The model lacks Stribeck friction in planetary_gear (97 % sure); modelling it removes 100 % of the error "
-            "above the noise. No claim, though the repaired system has it: body.J outside its tolerance in load (6 %",
+            f"The model lacks {STRIBECK} (97 % sure); modelling it removes 100 % of the error above the noise. No claim, "
+            "though the repaired system has it: body.J outside its tolerance in load (6 %",
         ),
         ("undecided", [], "no explanation stands out; farthest off is w, 2 times its noise (rms)."),
     ],

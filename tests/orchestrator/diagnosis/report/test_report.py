@@ -97,11 +97,7 @@ STRIBECK = "Stribeck friction in planetary_gear or motor_bldc"
         ("nothing_missing", [], "Nothing is missing: inside its tolerances the system explains these recordings"),
         ("explained", [FINDING], f"The model lacks {STRIBECK} (97 % sure); modelling it removes 100 % of"),
         ("unlisted", [UNLISTED], "lacks an effect that is on no list, at mr_brake_belt (97 % sure)"),
-        (
-            "explained",
-            [FINDING | {"confidence": 0.3}],
-            f"No effect reaches 50 % confidence; the closest is {STRIBECK} (30 % sure)",
-        ),
+        ("explained", [FINDING | {"confidence": 0.3}], f"reaches 50 % confidence; the closest is {STRIBECK} (30 %"),
         (
             "explained",
             [FINDING | {"confidence": 0.45, "equivalent": ["motor_bldc.unlisted"]}],
@@ -114,19 +110,18 @@ STRIBECK = "Stribeck friction in planetary_gear or motor_bldc"
         ),
         (
             "explained",
-            [PARAMETER | {"equivalent": ["motor.body.J", "gear.body.J", "motor.rotor.J"]}],
-            "body.J of load, motor or gear is outside its tolerance",
+            [PARAMETER | {"equivalent": ["gear.body.J", "motor.rotor.J"]}],
+            "body.J of load or gear is outside",
         ),
         (
             "explained",
             [FINDING, PARAMETER],
-            f"lacks {STRIBECK} (97 % sure), and body.J of load is outside its tolerance (97 % sure); modelling it",
+            f"lacks {STRIBECK} (97 % sure), and body.J of load is outside its tolerance",
         ),
         (
             "explained",
             [FINDING, PARAMETER | {"confidence": 0.06}],
-            f"The model lacks {STRIBECK} (97 % sure); modelling it removes 100 % of the error above the noise. No claim, "
-            "though the repaired system has it: body.J outside its tolerance in load (6 %",
+            "above the noise. No claim, though the repaired system has it: body.J outside its tolerance in load (6 %",
         ),
         ("undecided", [], "no explanation stands out; farthest off is w, 2 times its noise (rms)."),
     ],

@@ -154,7 +154,7 @@ def _first_campaign(
     tolerances = {} if defaults.tolerances else usual_tolerances(file)
     channels = with_assumed_units(list({c.name: c for i in found for c in i.log.channels}.values()), connectors)
     unusable = {name: why for i in found for name, why in i.log.unusable.items()}
-    guesses = with_only_place(guesses, every, left_over(own, channels, guesses, offered), channels)
+    guesses = with_only_place(own, guesses, every, left_over(own, channels, guesses, offered), channels)
     guesses = with_rates(own, guesses, every, left_over(own, channels, guesses, offered), columns)
     left = left_over(own, channels, guesses, offered)
     beginnings = starts(own, guesses, [i.log.channels for i in found])

@@ -16,13 +16,14 @@ from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import System
 from cobot_joint.system.wiring import shown_by
 
-COMMAND, ACTUAL = "command", "actual"
+COMMAND, ACTUAL, ERROR = "command", "actual", "e"
 ALIKE = 0.5  # of two names, from which one may stand for the other
 # what people call things, in the words that connectors are named with
 WORDS = {
     "cmd": COMMAND, "demand": COMMAND, "goal": COMMAND, "ref": COMMAND, "reference": COMMAND, "set": COMMAND,
     "setpoint": COMMAND, "soll": COMMAND, "target": COMMAND, "des": COMMAND, "desired": COMMAND,
     "act": ACTUAL, "fb": ACTUAL, "feedback": ACTUAL, "ist": ACTUAL, "meas": ACTUAL, "measured": ACTUAL,
+    "error": ERROR, "err": ERROR, "lag": ERROR, "deviation": ERROR, "abweichung": ERROR, "schleppfehler": ERROR,
     "bremse": "brake", "mot": "motor",
     "speed": "w", "velocity": "w", "n": "w", "omega": "w", "angle": "phi", "position": "phi",
     "pos": "phi", "lage": "phi", "positions": "phi", "winkel": "phi", "geschwindigkeit": "w", "geschwindigkeits": "w",
@@ -217,7 +218,9 @@ def left_over(
         alike = {
             c.name: _likeness(channel.name, c.name) + (c.name.split(".")[0] in near)
             for c in free
-            if converts(channel.unit, c.unit) and not (c.causality == "output" and is_command(channel.name))
+            if converts(channel.unit, c.unit)
+            and not (c.causality == "output" and is_command(channel.name))
+            and (ERROR in _words(channel.name)) == c.name.split(".")[-1].startswith("e_")
         }
         plain = channel.unit in (None, "1", *PERCENT)
         fitting = [n for n, likeness in alike.items() if not plain or likeness >= ALIKE]

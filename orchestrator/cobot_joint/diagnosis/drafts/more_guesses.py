@@ -13,7 +13,7 @@ from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.diagnosis.data.parameters import imposed, place_of
 from cobot_joint.diagnosis.data.quantity import convert
 from cobot_joint.diagnosis.data.recording import Connector
-from cobot_joint.diagnosis.drafts.campaign_text import PERCENT, Guess, converts, fits, guess, header_of
+from cobot_joint.diagnosis.drafts.campaign_text import PERCENT, Guess, converts, fits, guess, header_of, with_named_unit
 from cobot_joint.diagnosis.drafts.current_drive import with_commanded_current
 from cobot_joint.diagnosis.drafts.without_units import said, with_assumed_units
 from cobot_joint.system.model import System
@@ -141,25 +141,40 @@ def with_rates(
 
 
 def with_only_place(
+    system: System,
     guesses: Sequence[Guess],
     connectors: Mapping[str, Connector],
     left: Mapping[str, Sequence[str]],
     channels: Iterable[Channel],
 ) -> list[Guess]:
-    """Where no motion was guessed, and one column can be the angle or way of one shaft alone: that. Without motion,
-    hardly a friction could be told. connectors: those of the system and of its components; left: column that is not
-    used -> what it could be."""
-    known = [connectors[g.connector].unit for g in guesses if g.connector in connectors]
-    if any(unit in (*SPEEDS, *PLACES) for unit in known):
+    """Where no motion was guessed, and one column can be the angle or way of one shaft alone, or of the one that a loop
+    reads: that. Without motion, hardly a friction could be told.
+
+    connectors: those of the system and of its components; left: column that is not used -> what it could be.
+    """
+    if any(connectors[g.connector].unit in (*SPEEDS, *PLACES) for g in guesses if _is_output(connectors, g.connector)):
         return list(guesses)
     shown = {
-        header: [n for n in fitting if connectors[n].causality == "output" and connectors[n].unit in PLACES]
+        header: [n for n in fitting if _is_output(connectors, n) and connectors[n].unit in PLACES]
         for header, fitting in left.items()
     }
-    found = [(header, names[0]) for header, names in shown.items() if len(names) == 1]
+    found = [(header, names) for header, names in shown.items() if names]
     if len(found) != 1:
         return list(guesses)
-    ((header, name),) = found
-    column = next((c for c in channels if header_of(c) == header), None)
-    why = "no speed was recorded, and nothing else can be this"
-    return [*guesses, *([Guess(column, name, why)] if column else [])]
+    ((header, names),) = found
+    read = [n for n in names if n in _read_by_loops(system)]
+    name = next(iter(names if len(names) == 1 else read if len(read) == 1 else []), None)
+    named = (with_named_unit(c, connectors.values()) for c in channels)
+    column = next((c for c in named if header_of(c) == header), None)
+    reason = "nothing else can be this" if len(names) == 1 else "this is what the loop reads"
+    return [*guesses, *([Guess(column, name, f"no speed was recorded, and {reason}")] if column and name else [])]
+
+
+def _is_output(connectors: Mapping[str, Connector], name: str) -> bool:
+    return name in connectors and connectors[name].causality == "output"
+
+
+def _read_by_loops(system: System) -> set[str]:
+    """`component.variable` of the places that position loops hold to their set values."""
+    loops = {c.name for c in system.components if "phi_ref" in c.unit.variables}
+    return {f"{w.source_component}.{w.source}" for w in system.connections if w.sink_component in loops}

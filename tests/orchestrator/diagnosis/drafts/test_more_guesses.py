@@ -73,6 +73,22 @@ def test_an_angle_that_can_be_of_one_shaft_alone_is_drafted_where_no_speed_was_l
 
 
 @pytest.mark.parametrize(
+    ("named", "connector"),
+    [("actual_deg", "motor.phi"), ("lag_error_deg", "loop.e_phi"), ("following_error_deg", "loop.e_phi")],
+)
+def test_what_a_servo_did_is_drafted_as_the_angle_that_its_loop_reads_and_its_error_as_that(
+    tmp_path: Path, cobot_joint: Callable[..., Done], named: str, connector: str
+) -> None:
+    """A camera's pan axis was offered its position as the loop's error, in a comment."""
+    t = 0.01 * np.arange(SAMPLES)
+    log = {"setpoint_deg": 30 * np.sin(t), named: 30 * np.sin(t - 0.01), "current_A": np.cos(t)}
+    lines = drafted(tmp_path, cobot_joint, "loop,motor,load", log)
+    (line,) = (line for line in lines if line.lstrip("# ").startswith(f'"{named}'))
+    assert f'= "{connector}"' in line
+    assert (line.startswith("# ")) == (connector != "motor.phi")
+
+
+@pytest.mark.parametrize(
     ("rate", "connector", "said"),
     [(1.0, "w_link", "it is the rate of 'q [deg]'"), (100.0, "w_motor", "the motor's, since a drive logs its own")],
     ids=["of the arm", "of the motor"],

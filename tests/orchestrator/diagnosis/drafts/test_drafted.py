@@ -286,9 +286,23 @@ def test_damping_that_is_on_no_data_sheet_is_offered_and_does_not_vary_unasked(
     tmp_path: Path, cobot_joint: Callable[..., Done], part: str, damping: str, bounds: str
 ) -> None:
     chain = "motor,gear,elastic,load" if part == "elastic" else f"motor,{part},load"
-    assert cobot_joint("new", "--chain", chain, "--out", "axis").returncode == 0
+    stiff = ("--set", "gear.stiffness=2000") if part == "gear" else ()
+    assert cobot_joint("new", "--chain", chain, *stiff, "--out", "axis").returncode == 0
     lines = (tmp_path / "axis/campaign.toml").read_text().splitlines()
     assert f'# "{part}.{damping}" = {bounds}   # damping, on no data sheet: let it vary if a resonance shows' in lines
+
+
+@pytest.mark.parametrize(("given", "stiffness"), [((), "[300, 30000]"), (("--set", "gear.stiffness=2000"), '"30 %"')])
+def test_teeth_of_which_nobody_said_how_stiff_they_are_may_be_anything(
+    tmp_path: Path, cobot_joint: Callable[..., Done], given: tuple[str, ...], stiffness: str
+) -> None:
+    """Of a conveyor whose gear hardly gave, its supply that sags was named, and a stiffness that grows beside it, 95 %
+    sure: ringing, with 3000 N.m/rad within 30 %."""
+    assert cobot_joint("new", "--chain", "motor,gear,load", *given, "--out", "axis").returncode == 0
+    lines = (tmp_path / "axis/campaign.toml").read_text().splitlines()
+    (teeth,) = (line for line in lines if '"gear.mesh.c"' in line)
+    assert teeth.split(" = ")[1].split("   #")[0] == stiffness
+    assert any(line.startswith('"gear.mesh.d_g" = [') for line in lines) == (not given)
 
 
 def test_what_is_given_beside_the_base_model_has_a_tolerance(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:

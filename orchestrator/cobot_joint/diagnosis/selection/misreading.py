@@ -126,7 +126,8 @@ class Misread:
 
 
 def look_for_misreading(problem: Problem, calibrated: Fit) -> Misread | None:
-    """None: the base model explains the recordings, or no channel's gain and offset take nearly all of what it leaves.
+    """None: the base model explains the recordings, or no channel's gain and offset take nearly all of what it leaves:
+    of all channels, or of its own, where that is most of it.
 
     Channels whose scale somebody gave are believed.
     """
@@ -144,13 +145,21 @@ def look_for_misreading(problem: Problem, calibrated: Fit) -> Misread | None:
             continue
         if _ends_at_a_limit(found):  # it flattens what the model gets wrong: a pendulum without drag went over the top
             continue
-        if (taken := 1 - problem.excess(found.residual) / before) > thresholds.ENOUGH:
+        taken = 1 - problem.excess(found.residual) / before
+        own = 1 - _own_excess(problem, found, suspect) / max(_own_excess(problem, calibrated, suspect), 1e-9)
+        if taken > thresholds.ENOUGH or (own > thresholds.ENOUGH and taken > thresholds.ALONE):
             fitted.append(Misread(found, suspect.predicted, suspect.own, taken))
     if not fitted:
         return None
     best, *others = sorted(fitted, key=lambda m: m.fit.cost)
     alike = [m.channel for m in others if m.fit.cost - best.fit.cost < thresholds.ALIKE]
     return replace(best, alike=alike[0]) if alike else best
+
+
+def _own_excess(problem: Problem, found: Fit, suspect: Suspect) -> float:
+    """Of what is slow in a residual, the part in the suspect's channel."""
+    by_block = zip(problem.blocks, problem.excess_by_block(found.residual), strict=True)
+    return sum(float(part.sum()) for block, part in by_block if block.channel == suspect.reading.channel)
 
 
 def _ends_at_a_limit(found: Fit) -> bool:

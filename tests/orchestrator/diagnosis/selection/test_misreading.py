@@ -53,6 +53,19 @@ def test_a_channel_is_told_with_the_gain_and_offset_of_its_log(channel: str, gai
         assert told.gain.ci95[0] < told.gain.value < told.gain.ci95[1]
 
 
+@pytest.mark.parametrize(("more", "told"), [(0.03, True), (0.2, False)])
+def test_one_that_takes_all_of_its_own_channel_is_told_where_that_is_most_of_it(more: float, told: bool) -> None:
+    """A conveyor's current sensor was 0.35 A off, beside an encoder whose ticks the draft did not explain: nothing was
+    said of it in 200 s. more: what the torque's zero is off as well, N.m."""
+    with calibrated({"torque_sensor.offset.tau_0": more}, log={"i_motor": (1.0, 0.1)}) as (problem, base):
+        found = look_for_misreading(problem, base)
+        assert (found is not None) == told
+        if found is not None:
+            assert thresholds.ALONE < found.taken < thresholds.ENOUGH
+            assert found.channel == "i_motor"
+            assert found.reading.offset == pytest.approx(0.1, abs=0.01)
+
+
 @pytest.mark.parametrize(("gain", "offset", "term"), [(1.1, 0.0, "gain"), (1.0, 0.3, "offset")])
 def test_what_a_listed_term_says_as_well_is_left_to_the_term(gain: float, offset: float, term: str) -> None:
     with calibrated({}, log={"tau_sensor": (gain, offset)}) as (problem, base):

@@ -343,7 +343,8 @@ def tolerances(component: Component, fits: Mapping[str, str]) -> dict[str, str]:
         elif off == ASSUMED:
             lines[n] = f"{'' if unknown else '# '}{_times(VAGUE, nominal[n])}   # {damping}"
         elif n in unknown:
-            lines[n] = f"{_times(UNKNOWN, nominal[n])}   # guess: no data sheet said how stiff the teeth are"
+            why = f"guess: {nominal[n]:g} is assumed where nobody says; '30 %' where a data sheet does"
+            lines[n] = f"{_times(UNKNOWN, nominal[n])}   # {why}"
         else:
             lines[n] = '"30 %"' if off == TEETH else f'"{off}"'
     has = {term.amplitude: term.neutral for term in component.unit.terms if term.amplitude is not None}

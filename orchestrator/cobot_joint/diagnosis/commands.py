@@ -265,7 +265,7 @@ def _findings(findings: list[dict[str, Any]]) -> Table:
     for name in ("term", "sure", "since", "parameters", "could also be"):
         grid.add_column(name)
     for f in findings:
-        values = [f"{name} = {p['value']:.4g} {p['unit']}" for name, p in f["parameters"].items()]
+        values = [f"{n} = {p['value']:.4g} {p['unit']}".removesuffix(" 1") for n, p in f["parameters"].items()]
         if f.get("shape"):
             values.append(f"{f['shape']['port']} = {f['shape']['formula'] or 'a table'}")
         if f.get("load_history"):

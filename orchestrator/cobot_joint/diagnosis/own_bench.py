@@ -131,7 +131,7 @@ def _first_campaign(
     from cobot_joint.diagnosis.drafts.starts import starts
     from cobot_joint.diagnosis.drafts.without_units import with_assumed_units
     from cobot_joint.system.read import load_system
-    from cobot_joint.system.wiring import driving, unwired
+    from cobot_joint.system.wiring import driving, read_by_loops, unwired
 
     path = folder / "campaign.toml"
     if path.exists():
@@ -142,7 +142,7 @@ def _first_campaign(
     own = load_system(file)
     connectors = connectors_of(file, setup, defaults.logged)
     every = system_connectors(file)
-    offered = [c for n, c in every.items() if n in unwired(own)]
+    offered = [c for n, c in every.items() if n in unwired(own) and n not in read_by_loops(own)]
     mine = {*own.inputs, *own.outputs} if own.inputs else {*own.outputs, *driving(own)}  # else not of its components
     connectors = {n: c for n, c in connectors.items() if n in mine}
     columns = found[0].log.channels

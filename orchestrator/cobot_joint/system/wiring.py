@@ -222,6 +222,12 @@ def unwired(system: System) -> list[str]:
     return [*system.inputs, *system.outputs, *of_components]
 
 
+def read_by_loops(system: System) -> list[str]:
+    """`component.variable` of what position loops read, wired or not: a record of it, fed in as well, is read twice."""
+    loops = [c for c in system.components if {"phi_ref", "s_ref"} <= c.unit.variables.keys()]
+    return [f"{c.name}.{name}" for c in loops for name in ("phi", "w", "s", "v") if name in c.unit.variables]
+
+
 def driving(system: System) -> list[str]:
     """Torques, `component.variable`, at shaft ends where a machine is driven and that nothing is wired to."""
     free = unwired(system)

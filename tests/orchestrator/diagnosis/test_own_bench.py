@@ -387,14 +387,3 @@ def test_gravity_behind_a_gear_whose_friction_sticks_is_placed_at_the_load(
     claim = only_finding(tmp_path, cobot_joint)
     assert claim["term"] == "load.imbalance"
     assert claim["parameters"]["G"]["value"] == pytest.approx(0.6 * 9.81 * 0.2, rel=0.01)
-
-
-def test_a_campaign_that_nothing_drives_is_refused(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:
-    assert cobot_joint("new", "--chain", "load", "--out", "axis").returncode == 0
-    log(tmp_path, "axis/run.csv", {"t [s]": T, "w_load [rad/s]": np.sin(3 * T), "tau [N.m]": np.cos(3 * T)})
-    text = (
-        'title = "axis"\nsystem = "system.ssd"\nrecording = [{ file = "run.csv" }]\n[channels]\n"w_load" = "w_load"\n'
-    )
-    (tmp_path / "axis/campaign.toml").write_text(text)
-    done = cobot_joint("diagnose", "axis/campaign.toml", "--out", "found")
-    assert (done.returncode, "no column drives the system" in done.stderr) == (2, True), done.stderr

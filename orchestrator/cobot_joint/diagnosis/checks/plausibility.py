@@ -47,17 +47,23 @@ def plausible(campaign: Campaign) -> list[Suspicion]:
 
 
 def _driven(campaign: Campaign, simulate: Simulator) -> None:
-    """UserError: no recording has an input, and nothing moves by itself."""
+    """UserError: no recording has an input, and nothing moves by itself; or where the system has an input of its own,
+    nothing as it was recorded: a hoist without its voltage falls."""
     if any(r.inputs for r in campaign.train):
         return
+    inputs = any(system.inputs for system in campaign.systems().values())
     for r in campaign.train:
         simulated = simulate(r)
-        if any(np.ptp(simulated[n]) > MOVES * np.nanmax(y) - MOVES * np.nanmin(y) for n, y in r.outputs.items()):
-            return
+        for n, y in r.outputs.items():
+            moves = np.ptp(simulated[n]) > MOVES * np.nanmax(y) - MOVES * np.nanmin(y)
+            follows = np.nanmean((simulated[n] - y) ** 2) < np.nanvar(y)
+            if moves and (follows or not inputs):
+                return
     systems = campaign.systems().values()
     offered = sorted({name for system in systems for name in system.inputs or driving(system)})
     raise UserError(
-        f"{campaign.path}: no column drives the system, and by itself it rests; one of its inputs is needed in "
-        f"[channels]: {among(offered) if offered else 'it has none, `component.variable` names one of a component'}; "
+        f"{campaign.path}: no column drives the system, and by itself it does not move as recorded; one of its inputs "
+        "is needed in [channels]: "
+        f"{among(offered) if offered else 'it has none, `component.variable` names one of a component'}; "
         'a machine that coasts down has its speed in [initial], as "load.x_w" = "first sample of w_load"'
     )

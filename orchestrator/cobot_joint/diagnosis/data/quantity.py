@@ -44,7 +44,7 @@ WORDS = {
     **dict.fromkeys(("Volt", "Volts", "volts"), "V"),
 }
 SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻·⋅", "0123456789-..")
-FACTOR = re.compile(r"\d{1,15}(?:\.\d{0,15})?(?:[eE][+-]?\d{1,2})?(?=\s|$)|0?\.\d{1,15}(?=\s|$)")
+FACTOR = re.compile(r"-?\d{1,15}(?:\.\d{0,15})?(?:[eE][+-]?\d{1,2})?(?=\s|$)|-?0?\.\d{1,15}(?=\s|$)")
 TOKEN = re.compile(
     r"\s*(?:(?P<word>[^\W\d_]*[^\W\d]|[%°‰][^\W\d_]*)(?:(?:\*\*|\^)?(?P<power>-?\d))?|(?P<op>[./*()]|1(?=\s*/)))"
 )

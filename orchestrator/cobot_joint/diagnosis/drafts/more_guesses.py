@@ -15,9 +15,10 @@ from cobot_joint.diagnosis.data.quantity import convert
 from cobot_joint.diagnosis.data.recording import Connector
 from cobot_joint.diagnosis.drafts.campaign_text import PERCENT, Guess, converts, fits, guess, header_of, with_named_unit
 from cobot_joint.diagnosis.drafts.current_drive import with_commanded_current
+from cobot_joint.diagnosis.drafts.duty_cycle import with_duty_cycle
 from cobot_joint.diagnosis.drafts.without_units import said, with_assumed_units
 from cobot_joint.system.model import System
-from cobot_joint.system.wiring import shown_by
+from cobot_joint.system.wiring import read_by_loops, shown_by
 
 JUMPS, ALONE = 5, 0.8  # of stairs: so many at least, and so large a share of them with a rest on either side
 WIDE = 3.0  # converter's steps, that half of them are higher than: of what was measured slowly, they are as high as one
@@ -31,6 +32,7 @@ def guesses_of(
     """For a system's own connectors, from the columns of the first log. logged: connectors that usually are."""
     columns = with_assumed_units(logs[0], connectors, alone=True)
     guesses = with_commanded_current(system, guess(columns, connectors, logged), columns)
+    guesses = with_duty_cycle(system, guesses, connectors, columns)
     guesses += _driving(guesses, connectors, columns)
     guesses = _of_driven_shaft(system, guesses, columns)
     return said(_with_held_values(_of_one_shaft(system, guesses, connectors), connectors, logs), columns, logs[0])
@@ -162,7 +164,9 @@ def with_only_place(
     if len(found) != 1:
         return list(guesses)
     ((header, names),) = found
-    read = [n for n in names if n in _read_by_loops(system)]
+    loops = {name.split(".")[0] for name in read_by_loops(system)}
+    sources = {f"{w.source_component}.{w.source}" for w in system.connections if w.sink_component in loops}
+    read = [n for n in names if n in sources]
     name = next(iter(names if len(names) == 1 else read if len(read) == 1 else []), None)
     named = (with_named_unit(c, connectors.values()) for c in channels)
     column = next((c for c in named if header_of(c) == header), None)
@@ -172,9 +176,3 @@ def with_only_place(
 
 def _is_output(connectors: Mapping[str, Connector], name: str) -> bool:
     return name in connectors and connectors[name].causality == "output"
-
-
-def _read_by_loops(system: System) -> set[str]:
-    """`component.variable` of the places that position loops hold to their set values."""
-    loops = {c.name for c in system.components if "phi_ref" in c.unit.variables}
-    return {f"{w.source_component}.{w.source}" for w in system.connections if w.sink_component in loops}

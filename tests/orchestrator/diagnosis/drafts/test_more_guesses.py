@@ -73,6 +73,27 @@ def test_an_angle_that_can_be_of_one_shaft_alone_is_drafted_where_no_speed_was_l
 
 
 @pytest.mark.parametrize(
+    ("column", "top", "scale"),
+    [("duty_pct", 80.0, "0.3 V"), ("PWM [%]", 80.0, "30 V"), ("pwm", 255.0, "0.117647 V"), ("Duty Cycle", 0.9, "30 V")],
+)
+def test_a_duty_cycle_is_drafted_as_the_voltage_that_nobody_logged(
+    tmp_path: Path, cobot_joint: Callable[..., Done], column: str, top: float, scale: str
+) -> None:
+    """Two newcomers had their machines' only input in a comment: no connector is like it."""
+    log = {column: top * np.sin(0.01 * np.arange(SAMPLES)), "I [A]": np.ones(SAMPLES)}
+    lines = drafted(tmp_path, cobot_joint, "motor", log, "--set", "motor.inverter.v_bus=30")
+    assert any(line.startswith(f'"{column}" = {{ to = "v_command", scale = "{scale}"') for line in lines), lines
+
+
+def test_what_a_loop_reads_already_is_not_offered_to_a_column(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:
+    """A carriage's place, fed to its loop beside the motor's angle, was 0.1 m off in simulation."""
+    t = 0.01 * np.arange(SAMPLES)
+    log = {"set_mm": 30 * np.sin(t), "motor_mm": 30 * np.sin(t - 0.01), "scale_mm": 30 * np.sin(t - 0.02)}
+    lines = drafted(tmp_path, cobot_joint, "loop,motor,screw", log)
+    assert not any("loop.s" in line for line in lines), lines
+
+
+@pytest.mark.parametrize(
     ("named", "connector"),
     [("actual_deg", "motor.phi"), ("lag_error_deg", "loop.e_phi"), ("following_error_deg", "loop.e_phi")],
 )

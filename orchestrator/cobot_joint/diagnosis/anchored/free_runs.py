@@ -17,12 +17,13 @@ from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.least_squares import fit_added
 from cobot_joint.diagnosis.estimation.problem import Problem, Run
 from cobot_joint.diagnosis.estimation.recorded_motion import at_recorded_angle
-from cobot_joint.diagnosis.findings import Diagnosis
+from cobot_joint.diagnosis.findings import Diagnosis, Finding
 from cobot_joint.diagnosis.selection.competition import finished
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
 from cobot_joint.diagnosis.state_estimation.noise import noise_of
 from cobot_joint.diagnosis.state_estimation.prediction import Variant, predicted_figures
 
+NEXT_TO_NONE = 0.1  # of a size: a friction of 1.4e-6 N.m, fitted to free runs, was claimed for one along the motion
 Values = Mapping[str, float]
 Judge = Callable[[Values, Values, Values], bool]
 
@@ -48,10 +49,20 @@ def in_free_runs(
     if free is not None and free.chi2 < _left(problem, own, onsets) and not predicts(own, free.run.values, onsets):
         found.repaired = free.estimates(units, problem.stretches(free.residual))
         found.findings = [
-            replace(f, parameters={n: found.repaired.get(n, e) for n, e in f.parameters.items()})
+            _as_large(replace(f, parameters={n: found.repaired.get(n, e) for n, e in f.parameters.items()}), f, search)
             for f in found.findings
         ]
     return found
+
+
+def _as_large(free: Finding, along: Finding, search: Search) -> Finding:
+    """A finding as free runs have it; no claim where that is next to none of what the recorded motion has."""
+    terms = (n.candidate.term for n in search.named if n.candidate.term.name == free.term)
+    for term in terms:
+        size, was = (f.parameters.get(term.amplitude) for f in (free, along))
+        if size and was and abs(size.value - term.neutral) < NEXT_TO_NONE * abs(was.value - term.neutral):
+            return free.withheld("free runs have next to none of it")
+    return free
 
 
 def spoils(problem: Problem, found: Diagnosis, search: Search, refit: Fit) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -85,6 +86,28 @@ def test_a_repair_is_the_fit_that_leaves_less_of_free_runs_unless_the_motion_s_p
     monkeypatch.setattr(free_runs, "freely", lambda *_: refit(left_free))
     after = free_runs.in_free_runs(problem(3.0), found("a.term"), Search(), refit(4.0), {}, lambda *_: predicts)
     assert after.repaired["a.b"].value == kept
+
+
+@pytest.mark.parametrize(("left_of_it", "claimed"), [(0.05, False), (0.3, True)])
+def test_what_free_runs_have_next_to_none_of_is_no_claim(
+    left_of_it: float, claimed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A conveyor whose current sensor was 0.35 A off had a friction of 1.4e-6 N.m that differs by direction, 90 %."""
+
+    def size(value: float) -> dict[str, Estimate]:
+        return {"a.b": Estimate(value, "N.m", (value, value))}
+
+    free: Any = SimpleNamespace(**vars(refit(8.0)) | {"estimates": lambda *_: size(0.01 + left_of_it * 0.02)})
+    monkeypatch.setattr(free_runs, "freely", lambda *_: free)
+    along = found("a.term")
+    along.repaired = size(0.03)
+    along.findings = [replace(f, parameters=size(0.03)) for f in along.findings]
+    term = SimpleNamespace(name="a.term", amplitude="a.b", neutral=0.01)
+    named: Any = [SimpleNamespace(candidate=SimpleNamespace(term=term, onset=None))]
+    after = free_runs.in_free_runs(problem(3.0), along, Search(named=named), refit(4.0), {}, neither)
+    (finding,) = after.findings
+    assert (finding.confidence >= thresholds.EVEN) == claimed
+    assert ("next to none of it" in finding.limited_by) != claimed
 
 
 @pytest.mark.parametrize(

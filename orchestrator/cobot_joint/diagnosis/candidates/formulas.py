@@ -26,7 +26,6 @@ BETWEEN = 12.0  # up to which one that is no whole number is looked for
 LOW = 2  # order, up to which a wave is tried though a shaft turns too little for a spectrum
 ARC = np.pi / 4  # rad of travel, over which they are seen: gravity on an elbow that goes from -1.2 to 1.4 rad
 FEW, MORE = 2, 4  # waves that are tried at every port, and at those where the residual points
-PLAIN = ("u", "tanh")  # functions of a signal: itself, its sign
 LOADS = 2  # of a unit's torques and currents that forms are made of
 COLLINEAR = 0.97  # correlation from which on two loads are one
 TOGETHER = 0.05  # of an angle's travel, by which that of another may differ that a spring or a shaft joins to it
@@ -186,11 +185,6 @@ class Dictionary:
     def first(self) -> dict[Product, Feature]:
         """The few that tell where the residual points."""
         return self.values([*self._first(), *self._waves([*self.low, *self._prominent])])
-
-    def leading(self) -> list[Product]:
-        """Of these the plainest: a constant, loads, the speed and its sign, one wave."""
-        plain = [p for p in self._first() if not p.factors or (len(p.factors) == 1 and p.factors[0].function in PLAIN)]
-        return plain + [p for p in self._waves([*self.low, *self._prominent][:1]) if len(p.factors) == 1]
 
     def more(self) -> dict[Product, Feature]:
         """The rest."""

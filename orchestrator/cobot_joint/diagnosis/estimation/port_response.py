@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
@@ -16,8 +16,6 @@ from cobot_joint.diagnosis.estimation.projection import Projection
 from cobot_joint.diagnosis.plant.plant import PROBE, Port
 
 Form = TypeVar("Form")
-LEADING = 0.25  # of what all features have to take, that the leading ones have to: of 31 ports where all took half of
-# what they had to (field/open case07, proof/sealed case05, XL330) they took 0.62 of that and more
 REFIT = Precision(settled=5.0, roughly=0.005, steps=10)
 
 
@@ -91,14 +89,12 @@ def respond_if_promising(
     features: Mapping[Form, Mapping[str, Vector]],
     least: float,
     together: float,
-    leading: Collection[Form] = (),
 ) -> list[Column[Form]]:
     """`respond` in all recordings, one by one, the one with most above noise first. Empty: they fall short.
 
     Physics is there in every part of the recordings: features that do not take there what they would have to take of
     all are no answer, and the others need not be simulated. least: share of what the first recording has above noise;
-    together: of what all asked so far have, all that was fitted free in those. leading: features that are asked before
-    the others, which add little where these take next to nothing.
+    together: of what all asked so far have, all that was fitted free in those.
     """
     above = problem.above_noise(start.residual)
     found: list[Column[Form]] = []
@@ -108,18 +104,10 @@ def respond_if_promising(
             if not asked:  # most lies where the port is not
                 return []
             continue
-        needed = together if asked else max(least, together)
-        if leading and not asked:
-            some = respond(problem, start, port, {f: features[f] for f in features if f in leading}, only=n)
-            if above[n] > 0 and _taken(problem, start, some, [n]) < LEADING * needed * above[n]:
-                return []
-            rest = respond(problem, start, port, {f: features[f] for f in features if f not in leading}, only=n)
-            responses = {c.form: c for c in [*some, *rest]}
-            here = [responses[form] for form in features if form in responses]
-        else:
-            here = respond(problem, start, port, features, only=n)
+        here = respond(problem, start, port, features, only=n)
         found = _added(found, here) if asked else here
         asked.append(n)
+        needed = together if len(asked) > 1 else max(least, together)
         if above[n] > 0 and _taken(problem, start, found, asked) < needed * float(np.sum(above[asked])):
             return []
     return found

@@ -70,8 +70,7 @@ def pointed_to(problem: Problem, start: Fit, least: float, units: Collection[str
 
 def first_forms(problem: Problem, start: Fit, dictionary: Dictionary, together: float) -> list[Column[Product]]:
     """Responses of the first forms at a port; empty: they take too little. together: see respond_if_promising."""
-    port, forms, leading = dictionary.port, dictionary.first(), dictionary.leading()
-    return respond_if_promising(problem, start, port, forms, thresholds.HOLDS, together, leading)
+    return respond_if_promising(problem, start, dictionary.port, dictionary.first(), thresholds.HOLDS, together)
 
 
 def _distinguishable(places: Sequence[Place]) -> list[Place]:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from cobot_joint.system.model import Component, System
 
 RATIO, MODE = "ratio.N", "ratio.from"  # of a gear, phi = N phi_o; where it comes from, 1: that value
+RATES = {"phi": "w", "phi_o": "w_o", "phi_p": "w_p", "s": "v"}  # of a unit's positions
 LEAD = "body.lead"  # of a screw, s = lead phi
 
 
@@ -31,6 +32,17 @@ def turning_with(system: System, place: str) -> dict[str, float]:
                 reached[b] = reached[here] * times
                 left.append(b)
     return reached
+
+
+def position_behind(system: System, name: str) -> tuple[str, float] | None:
+    """The position, `component.variable`, whose rate an output or `component.variable` is, and how many times it. None:
+    its unit shows none."""
+    wire = next((w for w in system.connections if w.sink_component is None and w.sink == name), None)
+    place, factor = (f"{wire.source_component}.{wire.source}", wire.factor) if wire else (name, 1.0)
+    own, _, variable = place.partition(".")
+    position = next((p for p, rate in RATES.items() if rate == variable), None)
+    there = [c for c in system.components if c.name == own and {position, variable} <= c.unit.variables.keys()]
+    return (f"{own}.{position}", factor) if there else None
 
 
 def _wires(system: System) -> Iterator[Link]:

@@ -10,10 +10,9 @@ from cobot_joint.diagnosis.checks.beside_nominal import Simulate, Vector
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.data.suspicion import Suspicion
 from cobot_joint.system.model import Component, System
-from cobot_joint.system.shafts import turning_with
+from cobot_joint.system.shafts import RATES, turning_with
 
 LIMITED = {"drive.w_max": "w", "drive.i_peak": "i"}  # parameter, 0: no limit -> the output that it limits
-RATES = {"phi": "w", "phi_o": "w_o", "phi_p": "w_p", "s": "v"}  # of positions
 BEYOND = 1.05  # of a limit, that a recording is beyond it; within as much the simulation is held there
 OVERRUN = 1.25  # times the supply, that a back-EMF is beyond it: a motor's constant and a supply are known to a tenth
 MOSTLY = 0.99  # of a recording, that its largest value is taken of: a sample alone is no motion

@@ -95,13 +95,14 @@ class ColumnEntry(_Model):
     offset: Scale = 0.0
     derivative: bool = False  # a position's column for a speed's connector
     hold: bool = False  # a set value that its drive holds until the next one
+    mean: bool = False  # a speed's mean since the sample before, of an encoder's counts
 
     @property
     def column(self) -> Column:
         """As a recording is read with it. Whoever gives a scale or sign has looked at it."""
         looked = self.scale is not None or self.sign is not None
         scale = 1.0 if self.scale is None else self.scale
-        return Column(self.to, scale, self.sign or 1, self.offset, self.derivative, looked, self.hold)
+        return Column(self.to, scale, self.sign or 1, self.offset, self.derivative, looked, self.hold, self.mean)
 
 
 Values = dict[str, float | bool | str]  # `component.parameter` -> number, choice or quantity

@@ -12,6 +12,7 @@ from cobot_joint.diagnosis.data.parameters import run_values
 from cobot_joint.diagnosis.data.quantity import convert, split_header
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import Component, System
+from cobot_joint.system.shafts import position_behind
 
 if TYPE_CHECKING:
     from cobot_joint.diagnosis.data.campaign_file import CampaignFile, Logged, RecordingEntry, Tolerance
@@ -31,6 +32,9 @@ def check(where: str, given: CampaignFile, systems: Mapping[str, System], offere
             raise UserError(f"{where}: terms: {name!r} is given, {_nearest(name, terms)} is allowed")
     for name, (low, high) in given.scan.items():
         _scan(f"{where}: [scan] {name!r}", name, (low, high), components)
+    for header, column in given.channels.items():
+        if not isinstance(column, str) and column.mean:
+            _mean(f"{where}: [channels] {header!r}", column.to, systems, offered)
     for name, logged in given.logged.items():
         _logged(f"{where}: [logged] {name!r}", name, logged, offered)
     for entry in given.recording:
@@ -83,6 +87,13 @@ def _scan(where: str, name: str, given: tuple[float, float], components: Mapping
         raise UserError(f"{said}, it is scanned in equal ratios: more than 0 is allowed")
     if shape.scan == "order" and np.ceil(low) > np.floor(high):
         raise UserError(f"{said}, a whole number in between is needed: it counts periods per turn")
+
+
+def _mean(where: str, name: str, systems: Mapping[str, System], offered: Offered) -> None:
+    there = [system for setup, system in systems.items() if name in offered[setup]]
+    if there and not any(position_behind(system, name) for system in there):
+        allowed = "a speed whose unit has its position as well is allowed; of others say late, half a sample"
+        raise UserError(f"{where}: mean is given, for {name!r}: {allowed}")
 
 
 def _logged(where: str, name: str, logged: Logged, offered: Offered) -> None:

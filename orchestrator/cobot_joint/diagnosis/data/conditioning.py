@@ -30,6 +30,8 @@ CUBIC = 3
 OWN = 0.5  # s, over which a speed knows better than a position how quick a shaft is
 RATE = 0.02  # by which a speed may differ from a position's rate, and share that its integral may leave of it
 APART, CLEARLY = 0.05, 100.0  # of what a position goes through, or times its noise, by which it begins elsewhere
+FEWEST_VALUES, MOST_LINES = 50, 2**18  # of a channel, and places that they may lie at, for a step that was rounded
+IN_PHASE = 0.7  # of values, from which on they are whole multiples of a step: 50 anywhere have 0.5 by chance
 RAIL = 10  # samples in a row at an extreme from which the channel counts as saturated: noise would move them
 
 
@@ -188,7 +190,30 @@ def quantisation_step(x: NDArray[np.float64]) -> float:
     step = float(np.median(apart[apart <= 1.5 * apart.min()]))
     whole = np.rint(values / step)
     step = float(np.dot(whole, values) / np.dot(whole, whole))  # all values together know it better than two neighbours
-    return step if np.mean(np.abs(values / step - np.rint(values / step)) < 0.1) > 0.95 else 0.0
+    multiples = np.mean(np.abs(values / step - np.rint(values / step)) < 0.1) > 0.95
+    return max(step if multiples else 0.0, _rounded_step(values, float(apart.min()), float(np.median(apart))))
+
+
+def _rounded_step(values: NDArray[np.float64], least: float, usual: float) -> float:
+    """The step of values that a file rounded once more: encoder counts in whole rpm, 2, 3, 6, 9, 12 of 2.93 each.
+
+    The widest by which the values are in phase, |mean of exp(2 pi i x/step)|, of the spectrum of where they lie. Values
+    anywhere have sqrt(ln(lines)/n) at most (Rayleigh), such counts 0.8. least, usual: distances of neighbours.
+    """
+    width = least / 8
+    lines = np.ptp(values) / width
+    if len(values) < FEWEST_VALUES or lines > MOST_LINES:
+        return 0.0
+    there = np.bincount(((values - values[0]) / width).astype(int))
+    count = 4 * len(there)
+    phase, frequency = np.abs(np.fft.rfft(there, count)) / len(values), np.fft.rfftfreq(count, width)
+    asked = (frequency > 1 / (1.5 * usual)) & (frequency < 1.5 / least)
+    together = np.flatnonzero(asked & (phase > IN_PHASE))
+    if not len(together):
+        return 0.0
+    first = int(together[0])
+    peak = first + int(np.argmax(np.diff(phase[first:], append=-1.0) < 0))
+    return float(1 / frequency[peak])
 
 
 def _saturated(x: NDArray[np.float64], everywhere: NDArray[np.float64], step: float) -> int:

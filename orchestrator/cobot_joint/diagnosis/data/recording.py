@@ -60,6 +60,9 @@ class Recording:
     columns: dict[str, str] = field(default_factory=dict)  # connector -> column as recorded
     believed: set[str] = field(default_factory=set)  # connectors whose factor and sign somebody looked at
     held: set[str] = field(default_factory=set)  # inputs whose values hold until the next one comes
+    differences: dict[str, Literal["backward", "central"]] = field(
+        default_factory=dict
+    )  # outputs that are a position's
     notes: list[str] = field(default_factory=list)
     path: Path | None = None
     scatter: dict[str, float] = field(default_factory=dict)  # of a table: 1 sigma per output; time is no time then
@@ -70,6 +73,13 @@ class Recording:
     def step(self) -> float:
         """s between two samples"""
         return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
+
+    def centred(self) -> Recording:
+        """With differences of neighbours on either side in place of those since the sample before, which are half a
+        sample late: what a filter takes for values of an instant."""
+        late = [name for name, how in self.differences.items() if how == "backward" and name in self.outputs]
+        ahead = {n: np.append((self.outputs[n][:-1] + self.outputs[n][1:]) / 2, np.nan) for n in late}
+        return replace(self, outputs=self.outputs | ahead, differences={}) if late else self
 
 
 @dataclass(frozen=True)
@@ -83,6 +93,7 @@ class Column:
     derivative: bool = False  # the connector is the column's rate of change, "speed" of a recorded position
     believed: bool = False  # somebody looked at its factor and sign: what is implausible is theirs
     hold: bool = False  # the machine gets every value until the next one comes
+    mean: bool = False  # a speed's mean since the sample before, of an encoder's counts
 
 
 @dataclass(frozen=True)
@@ -154,6 +165,7 @@ def read_recording(
         columns={name: channel.name for name, channel in raw.items()},
         believed={name for name, (_, _, column) in found.items() if column.believed},
         held=_held(path, connectors, found),
+        differences=_differences(path, connectors, found),
         notes=_grouped(notes, len(raw)),
         path=path,
         left_out=left_out,
@@ -169,6 +181,18 @@ def _held(
         if connectors[name].causality == "output":
             raise UserError(f"{path}: column {header!r}: hold is given, {name!r} is an output; it is for inputs")
     return set(those)
+
+
+def _differences(
+    path: Path, connectors: Mapping[str, Connector], found: Mapping[str, tuple[Channel, str, Column]]
+) -> dict[str, Literal["backward", "central"]]:
+    """Outputs that are, of which neighbours. UserError: an input is said to be, or a position."""
+    for name, (_, header, column) in found.items():
+        if column.mean and (connectors[name].causality == "input" or column.derivative):
+            what = "derivative, too" if column.derivative else f"{name!r} is an input"
+            raise UserError(f"{path}: column {header!r}: mean is given, {what}; it is for a speed's output")
+    outputs = {n: column for n, (_, _, column) in found.items() if connectors[n].causality == "output"}
+    return {n: "backward" if c.mean else "central" for n, c in outputs.items() if c.mean or c.derivative}
 
 
 def said_once(notes: Sequence[tuple[str, Sequence[str]]]) -> list[str]:

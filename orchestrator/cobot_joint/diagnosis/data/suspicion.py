@@ -28,7 +28,7 @@ FROZEN = 0.25  # s of one value while others move
 HELD = 0.1  # share of samples that repeat the one before in the middle of motion: 0.05 at most in 493 sound channels
 PACE = 3.0  # steps, and sigma of the noise, per sample, from which on motion is no chance repeat (at 2: share 0.11)
 SHAKES = 0.75  # steps of noise, rounding included, from which on leaving repeats out moves no mean by 0.01 steps
-REACH = 5  # samples on either side, over which a channel's pace is taken
+REACH = 10  # samples on either side, over which a channel's pace is taken
 CAUGHT_UP = (1.75, 2.25)  # times its neighbours, that the step after a repeat is where a value was not renewed
 IN_A_ROW = 8  # repeats at most: where 30 % are held, more come once in 15,000
 ENOUGH = 30  # such steps, of which that can be told
@@ -287,8 +287,10 @@ def _again(x: Vector) -> Mask:
 
 
 def _noise_step_pace(x: Vector) -> tuple[float, float, Vector]:
-    """1 sigma, the converter's step, and the change per sample over ten of them, (n,)."""
+    """1 sigma, the converter's step, and the change per sample over ten of them, on the side where it is less, (n,): at
+    the edge of a step it stands still on one."""
     pace = np.zeros(len(x))
     if len(x) > 2 * REACH:
-        pace[REACH:-REACH] = np.nan_to_num(np.abs(x[2 * REACH :] - x[: -2 * REACH])) / (2 * REACH)
+        change = np.nan_to_num(np.abs(x[REACH:] - x[:-REACH])) / REACH
+        pace[REACH:-REACH] = np.minimum(change[:-REACH], change[REACH:])
     return float(np.nan_to_num(noise_and_colour(x)[0])), quantisation_step(x[np.isfinite(x)]), pace

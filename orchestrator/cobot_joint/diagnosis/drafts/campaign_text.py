@@ -59,6 +59,7 @@ class Guess:
     why: str  # nothing: no guess, it has the connector's name and a unit
     scale: str = ""  # connector's unit per column's, where these do not convert
     hold: bool = False  # whether its values hold until the next one
+    mean: bool = False  # whether they are means since the one before
 
 
 @dataclass(frozen=True)
@@ -345,6 +346,7 @@ def _channels(columns: Columns) -> list[str]:
     for g in columns.guesses:
         why = f"   # guess: {g.why}" if g.why else ""
         more = ([f"scale = {_quoted(g.scale)}"] if g.scale else []) + (["hold = true"] if g.hold else [])
+        more += ["mean = true"] if g.mean else []
         to = f"{{ {', '.join([f'to = {_quoted(g.connector)}', *more])} }}" if more else _quoted(g.connector)
         lines.append(f"{_quoted(header_of(g.column))} = {to}{why}")
     for c in (each.connector for each in columns.lacking):

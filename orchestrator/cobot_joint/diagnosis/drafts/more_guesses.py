@@ -14,6 +14,7 @@ from cobot_joint.diagnosis.data.parameters import imposed, place_of
 from cobot_joint.diagnosis.data.quantity import convert
 from cobot_joint.diagnosis.data.recording import Connector
 from cobot_joint.diagnosis.drafts.campaign_text import PERCENT, Guess, converts, fits, guess, header_of, with_named_unit
+from cobot_joint.diagnosis.drafts.counted_speeds import with_counted_speeds
 from cobot_joint.diagnosis.drafts.current_drive import with_commanded_current
 from cobot_joint.diagnosis.drafts.duty_cycle import with_duty_cycle
 from cobot_joint.diagnosis.drafts.without_units import said, with_assumed_units
@@ -35,7 +36,8 @@ def guesses_of(
     guesses = with_duty_cycle(system, guesses, connectors, columns)
     guesses += _driving(guesses, connectors, columns)
     guesses = _of_driven_shaft(system, guesses, columns)
-    return said(_with_held_values(_of_one_shaft(system, guesses, connectors), connectors, logs), columns, logs[0])
+    guesses = with_counted_speeds(system, _of_one_shaft(system, guesses, connectors), connectors, logs)
+    return said(_with_held_values(guesses, connectors, logs), columns, logs[0])
 
 
 def _driving(guesses: Sequence[Guess], connectors: Mapping[str, Connector], columns: Sequence[Channel]) -> list[Guess]:

@@ -84,7 +84,7 @@ def shown_signals(problem: Problem, setup: str, system: System, simulated: Seque
 
     simulated: by recording, channels and these signals.
     """
-    runs = [(r, s) for r, s in zip(problem.recordings, simulated, strict=True) if r.setup == setup]
+    runs = _of_instants(problem, setup, simulated)
     channels = dict.fromkeys(c for r, _ in runs for c in r.outputs)
     before = influences(system)
     found = {}
@@ -103,6 +103,14 @@ def shown_signals(problem: Problem, setup: str, system: System, simulated: Seque
             ):
                 found.setdefault(signal, Shown(channel, "integral"))
     return found
+
+
+def _of_instants(problem: Problem, setup: str, simulated: Sequence[Signals]) -> list[tuple[Recording, Signals]]:
+    """A set-up's recordings with what was simulated of each, both at instants."""
+    runs = [(r, s) for r, s in zip(problem.recordings, simulated, strict=True) if r.setup == setup]
+    centred = [replace(r, outputs={c: s[c] for c in r.outputs}).centred().outputs for r, s in runs]
+    known = [{c: np.where(np.isnan(y), s[c], y) for c, y in o.items()} for o, (_, s) in zip(centred, runs, strict=True)]
+    return [(r.centred(), {**s, **o}) for o, (r, s) in zip(known, runs, strict=True)]
 
 
 def wire_signals(system: System) -> list[str]:
@@ -198,7 +206,7 @@ def replay(
     problem: Problem, fitted: Fit, part: Part, shown: Mapping[str, Shown], simulated: Sequence[Signals]
 ) -> Replayed:
     """The part with the calibrated parameters, driven by what was recorded. simulated: channels and shown signals."""
-    runs = [(r, s) for r, s in zip(problem.recordings, simulated, strict=True) if r.setup == part.setup]
+    runs = _of_instants(problem, part.setup, simulated)
     recorded = [{c: y - s[c] for c, y in r.outputs.items()} for r, s in runs]
     rng = np.random.default_rng(0)
     draws = [

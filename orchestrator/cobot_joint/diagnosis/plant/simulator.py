@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from types import TracebackType
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.plant import Courses
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import Inputs, System, Value
+from cobot_joint.system.shafts import position_behind
 
 Signals = Mapping[str, NDArray[np.float64]]
 
@@ -52,6 +54,8 @@ def run_beside(
         parameter_events=sorted(events, key=lambda event: event[0]),
         record=record,
     )
+    places = {n: p for n in recording.differences if n in record and (p := position_behind(simulation.system, n))}
+    experiment = replace(experiment, record=list(dict.fromkeys([*record, *(p for p, _ in places.values())])))
     result = None
     if simulation.is_one_system:
         with suppress(UnfitError):  # units step themselves then: faster, or the only way
@@ -59,7 +63,19 @@ def run_beside(
     result = result or simulation.run(experiment)
     if len(result.time) < len(time):
         raise SimulationError(f"{simulation.system.name} ends at {result.time[-1]:.6g} s of {time[-1]:.6g} s")
-    return dict(result.signals)
+    found = {name: np.asarray(result.signals[name]) for name in record}
+    for name, (place, times) in places.items():
+        found[name] = times * _rate(result.signals[place], recording.step, recording.differences[name], found[name])
+    return found
+
+
+def _rate(
+    place: NDArray[np.float64], step: float, how: Literal["backward", "central"], w: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """A speed as it is made from a position's samples, (n,); the first, before which there is none, is as it is."""
+    if how == "central":
+        return np.gradient(place, step)
+    return np.append(w[:1], np.diff(place) / step)
 
 
 def setting_in(

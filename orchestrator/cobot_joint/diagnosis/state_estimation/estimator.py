@@ -129,6 +129,7 @@ class StateEstimator:
 
     def track(self, recording: Recording) -> Tracked:
         """Filter a recording. SimulationError: a unit fails at an estimated state; LostError: of its kind."""
+        recording = recording.centred()
         time = recording.time - recording.time[0]
         x, d, z = self.sampled.start(recording.initial), np.zeros(len(self.latents)), np.zeros(self.N)
         P, (Q, R) = self._first_covariance(), self._noises(recording.step)

@@ -54,6 +54,7 @@ def predicted_figures(
     Of a recording in which a filter loses its way the free run from its beginning counts, of all variants, and "free"
     lists it.
     """
+    recordings = [recording.centred() for recording in recordings]
     channels = dict.fromkeys(channel for r in recordings for channel in r.outputs)
     if any(states_of(system) is None for v in variants.values() for system in v.systems.values()):
         return dict.fromkeys(channels)

@@ -108,21 +108,17 @@ def look_outside(
     if not problem.unexplained(calibrated.residual):
         return None
     say(LETTING_GO)
-    above, first = problem.above(calibrated.residual), max((s.gain for s in selected), default=0.0)
-    taken = calibrated.cost - explained.cost if selected else thresholds.HOLDS * above
+    first = max((s.gain for s in selected), default=0.0)
+    taken = calibrated.cost - explained.cost if selected else thresholds.HOLDS * problem.above(calibrated.residual)
     beside = problem.stands_out(explained.residual)
     best = leaves_least(problem, calibrated, thresholds.WORTH_FITTING * max(taken if len(selected) < 2 else first, 0.0))
     gain = calibrated.cost - best.cost if best is not None else 0.0
     if best is not None and gain >= problem.evidence:
         slack = slack_of(problem, explained)
-        slow = not selected and _takes_what_is_slow(problem, calibrated, explained, best)
-        nearly = max(slack, thresholds.HARDLY_LEFT_SHARE * taken) if _beyond_what_was_driven(explained) else slack
-        fits = [found.is_strained(problem.stretches(found.residual)) for found in (explained, best)]
-        strained = bool(selected) and fits == [True, False]
-        abreast = strained and gain >= thresholds.ABREAST * taken
-        alone = slow or abreast or gain >= taken - (nearly if selected else 0.0)
+        leads = _leads(problem, calibrated, best, selected)
+        alone = leads or _does_as_well(problem, calibrated, explained, best, selected, taken)
         instead = len(selected) > 1 and gain >= thresholds.ALONE * first
-        more = _with_terms(problem, best, select) if alone or instead or beside else None
+        more = _with_terms(problem, best, select, leads) if alone or instead or beside else None
         needs_fewer = (
             more is not None and more.fit.cost <= explained.cost + slack and len(more.selected) < len(selected)
         )
@@ -228,9 +224,32 @@ def in_place_of(problem: Problem, calibrated: Fit, formula: Unmodelled, say: Say
     return found
 
 
-def _with_terms(problem: Problem, best: Fit, select: Select) -> Selection:
-    """Listed terms beside a parameter, where it leaves something."""
-    return select(best) if problem.unexplained(best.residual) else Selection([best])
+def _does_as_well(
+    problem: Problem, calibrated: Fit, explained: Fit, best: Fit, selected: Sequence[Selected], taken: float
+) -> bool:
+    """Whether a parameter alone takes what the listed terms do, or what was to be taken where there are none."""
+    gain = calibrated.cost - best.cost
+    if not selected:
+        return gain >= taken or _takes_what_is_slow(problem, calibrated, explained, best)
+    nearly = max(slack_of(problem, explained), _hardly_less(problem, explained, selected, taken))
+    strained = [found.is_strained(problem.stretches(found.residual)) for found in (explained, best)]
+    return gain >= taken - nearly or (strained == [True, False] and gain >= thresholds.ABREAST * taken)
+
+
+def _leads(problem: Problem, calibrated: Fit, best: Fit, selected: Sequence[Selected]) -> bool:
+    """Whether it takes more than the first of several listed terms and leaves next to nothing: that they leave less
+    proves nothing. A load 30 % too heavy was two frictions."""
+    first = max((s.gain for s in selected), default=0.0)
+    little = thresholds.NO_PROOF * problem.above(calibrated.residual)
+    return len(selected) > 1 and calibrated.cost - best.cost >= first and problem.above(best.residual) < little
+
+
+def _with_terms(problem: Problem, best: Fit, select: Select, leads: bool = False) -> Selection:
+    """Listed terms beside a parameter, where it leaves something. leads: that is next to nothing, and they have to take
+    half of it."""
+    more = select(best) if problem.unexplained(best.residual) else Selection([best])
+    enough = thresholds.HOLDS * problem.above(best.residual)
+    return more if not leads or problem.above(more.fit.residual) <= enough else Selection([best])
 
 
 def _in_place_of_one(
@@ -239,9 +258,9 @@ def _in_place_of_one(
     """A parameter that does as well as one of several listed terms, beside the others: a sensor's gain of 3 % had stood
     in for a brake's torque per ampere, and a dead time without an edge for a winding's resistance. As well: the term
     leaves less by no more than a further one would need to take."""
-    slack = thresholds.ALIKE + thresholds.WORTH * problem.above(explained.residual)
+    slack = _worth_a_term(problem, explained)
     for term in sorted(selected, key=lambda s: s.gain):
-        if left_by_parameters(explained, term.term) > thresholds.HOLDS * max(term.gain, problem.evidence):
+        if not _parameters_do(problem, explained, term):
             continue
         rest = without_terms(problem, explained, {term.term})
         best = nearby(problem, rest, thresholds.ALONE * (rest.cost - explained.cost), 1) if rest is not None else None
@@ -277,6 +296,23 @@ def _beside(
     found = Outside(Selection([calibrated, fewer], kept), gain, in_its_place(problem, explained, best))
     say(f"{found.name} outside its tolerance leaves a third of what the terms leave")
     return found
+
+
+def _hardly_less(problem: Problem, explained: Fit, selected: Sequence[Selected], taken: float) -> float:
+    """Cost by which one listed term has to leave less than a parameter to be the answer: where parameters do most of
+    what it does, as much as a further number would need to take. A load 30 % too heavy was a friction by direction."""
+    if len(selected) == 1 and _parameters_do(problem, explained, selected[0]):
+        return _worth_a_term(problem, explained)
+    return thresholds.HARDLY_LEFT_SHARE * taken if _beyond_what_was_driven(explained) else 0.0
+
+
+def _worth_a_term(problem: Problem, explained: Fit) -> float:
+    return thresholds.ALIKE + thresholds.WORTH * problem.above(explained.residual)
+
+
+def _parameters_do(problem: Problem, explained: Fit, term: Selected) -> bool:
+    """Whether all base parameters together, wherever their bounds are, do half of what a listed term does."""
+    return left_by_parameters(explained, term.term) <= thresholds.HOLDS * max(term.gain, problem.evidence)
 
 
 def _beyond_what_was_driven(explained: Fit) -> bool:

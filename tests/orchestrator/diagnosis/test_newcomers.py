@@ -226,3 +226,55 @@ def test_a_legs_torque_constant_that_falls_with_current_is_named_from_the_joint_
     answer = as_drafted(cobot_joint, "motor,gear,link", sheet, [f"hip{n}.csv" for n in (1, 2, 3)])
     assert [f["term"] for f in answer["findings"] if f["confidence"] >= 0.5] == ["motor.torque_saturation"]
     assert answer["findings"][0]["parameters"]["s"]["value"] == pytest.approx(1 / 38**2, rel=0.05)
+
+
+def hoist(duty: Callable[[float], float], m: float, rng: np.random.Generator) -> Run:
+    """A DC motor, a gear of 85 % and a drum: k i drives (J + (J_d + m r^2)/N^2) dw/dt against m g r/N, dry friction and
+    the gear's loss, by steps of h. The speed is what an encoder counts from sample to sample, in whole rpm."""
+    R, L, k, J, tau_C, d, N, r, J_d, eta = 0.6, 0.4e-3, 0.045, 8e-5, 0.012, 2e-5, 36.0, 0.04, 0.004, 0.85
+    h, every, lines, volt = 5e-5, 200, 2048, 24.0
+    M, weight = J + (J_d + m * r * r) / N**2, m * 9.81 * r / N
+    t = h * every * np.arange(1600)
+    rows = np.empty((len(t), 3))  # duty, current, angle
+    current, w, phi = 2.9, 0.0, 0.0
+    for n, now in enumerate(t):
+        u = duty(now)
+        rows[n] = u, current, phi
+        for _ in range(every):
+            current += h * (volt * u / 100 - R * current - k * w) / L
+            up = w > 0 or (w == 0 and k * current > weight)
+            loss = weight * (1 / eta - 1) if up else weight * (1 - eta)
+            w = held(w, w + h * (k * current - weight - d * w) / M, h * (tau_C + loss) / M)
+            phi += h * w
+    ticks = np.floor(rows[:, 2] / (2 * np.pi) * lines)
+    rpm = np.round(np.diff(ticks, prepend=0.0) / lines / 0.01 * 60)
+    current = 10 * np.round(rng.normal(rows[:, 1], 0.04) / 0.01)
+    return t, {"duty_pct": rows[:, 0], "i_mA": current, "n_rpm": rpm, "height_mm": np.round(rows[:, 2] / N * 40)}
+
+
+@pytest.mark.long
+def test_a_hoists_load_that_is_too_heavy_is_its_mass_and_no_friction(
+    tmp_path: Path, cobot_joint: Callable[..., Done]
+) -> None:
+    """It was a friction that differs by direction, 45 %, and its speed, whose encoder counts rest between two jumps of
+    the voltage, was "held": more than half of it was not compared."""
+    rng = np.random.default_rng(7)
+    levels = [[(0, 8), (1, 45), (4, 15), (5.5, -10), (8, 30), (10, 70), (12, -20), (14, 8)],
+              [(0, 8), (1, 60), (3, -15), (5, 20), (7, 80), (9, -5), (11, 35), (13, -25), (15, 8)],
+              [(0, 8), (1, 30), (3, 75), (5, -12), (7, 50), (9, 10), (11, -22), (13, 40), (15, 8)]]  # fmt: skip
+    names = [f"run{k}.csv" for k in range(1, len(levels) + 1)]
+    for name, of_run in zip(names, levels, strict=True):
+        times, duties = zip(*of_run, strict=True)
+        run = hoist(lambda t, a=times, b=duties: b[int(np.searchsorted(a, t, side="right")) - 1], 15.6, rng)  # type: ignore[misc]
+        logged(tmp_path, name, run)
+    sheet = {"motor.R": "0.6", "motor.L": "0.4 mH", "motor.k": "0.045", "motor.rotor.J": "8e-5", "motor.tau_C": "0.012",
+             "motor.d": "2e-5", "motor.v_bus": "24 V", "gear.N": "36", "gear.eta": "0.85", "gear.mesh.b": "0",
+             "gear.tau_C": "0", "gear.d": "0", "gear.J_coupled": "0", "load.J": "0.0036", "load.m": "12 kg",
+             "load.lead": "0.04", "load.gravity.g": "9.81", "load.gravity.slope": "90 deg"}  # fmt: skip
+    found = as_drafted(cobot_joint, "motor,gear,load", sheet, names)
+    first, *others = found["findings"]
+    assert first["term"] == "load.body.m"
+    assert first["parameters"]["load.body.m"]["value"] == pytest.approx(15.6, rel=0.03)
+    assert first["confidence"] >= 0.5
+    assert all(f["confidence"] < 0.5 for f in others)
+    assert not any("are repeated" in note or "are clipped" in note for note in found["notes"])

@@ -46,6 +46,7 @@ TEETH = "teeth"  # their stiffness, which few data sheets have
 OFFERED = '# "30 %"   # stiffness: let it vary where a data sheet gave it'
 LOOP = '# "30 %"   # bandwidth of the current loop: let it vary where commanded steps show how fast it is'
 GIVEN = '"30 %"   # guess: given beside the base model, so that it is as little known as friction'
+MASS = {"body.m": "5 %"}  # of a load that has one
 VAGUE = (0.1, 30.0)  # times that, which a real one may be
 UNKNOWN = (0.1, 10.0)  # the same of teeth of which nobody said how stiff they are
 STICKS: Mapping[str, Value] = {"friction.law": 2}  # as real dry friction does
@@ -347,6 +348,8 @@ def tolerances(component: Component, fits: Mapping[str, str]) -> dict[str, str]:
             lines[n] = f"{_times(UNKNOWN, nominal[n])}   # {why}"
         else:
             lines[n] = '"30 %"' if off == TEETH else f'"{off}"'
+    there = component.parameters
+    lines |= {n: f'"{off}"' for n, off in MASS.items() if n not in fits and float(there.get(n, 0.0) or 0.0)}
     has = {term.amplitude: term.neutral for term in component.unit.terms if term.amplitude is not None}
     lines |= {n: GIVEN for n, none in has.items() if float(component.parameters.get(n, none)) != none}
     if component.parameters.get("drive.mode") == CURRENT_MODE:  # its loop gives whatever voltage the current takes

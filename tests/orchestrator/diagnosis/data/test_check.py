@@ -27,6 +27,8 @@ initial = { "motor_bldc.w" = 1.0, "planetary_gear.phi_o" = "first sample of w_mo
 RUN = 'file = "run.csv"\n'
 TOLERANCE = '"motor_bldc.winding.R" = "20 %"'
 WRONG = [
+    ("[logged.w_motor]", '[channels]\ni_motor = { to = "i_motor", mean = true }\n[logged.w_motor]',
+     "[channels] 'i_motor': mean is given, for 'i_motor': a speed whose unit has its position as well is allowed"),
     (TOLERANCE, '"motor_bldc.winding.r" = "20 %"',
      "[tolerances] 'motor_bldc.winding.r': no such parameter, allowed are motor_bldc.winding."),
     (TOLERANCE, '"motor_bldc.w" = "20 %"', "[tolerances] 'motor_bldc.w': no such parameter, allowed are "),

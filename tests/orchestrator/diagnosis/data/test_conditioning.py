@@ -54,6 +54,22 @@ def test_standing_still_says_nothing_of_the_noise() -> None:
     assert assess(x).noise == pytest.approx(0.3, rel=0.06)
 
 
+def counts(per_turn: int, step: float, angle: np.ndarray) -> np.ndarray:
+    """rad/s, as an encoder counts from sample to sample."""
+    ticks = np.floor(angle * per_turn / (2 * np.pi))
+    return np.diff(ticks, prepend=ticks[0]) / step * 2 * np.pi / per_turn
+
+
+def test_steps_that_a_file_rounded_once_more_are_seen() -> None:
+    """Encoder counts of 2.93 rpm each, in whole rpm: 2, 3, 6, 9, 12, which are multiples of nothing but 1."""
+    t = 0.01 * np.arange(1600)
+    angle = np.cumsum(np.interp(t, [0, 2, 5, 8, 11, 16], [0, 150, 150, -80, -80, 200])) * 0.01
+    rpm = np.round(counts(2048, 0.01, angle) * 60 / (2 * np.pi))
+    assert assess(rpm).step == pytest.approx(60 / 2048 / 0.01, rel=2e-3)
+    anywhere = np.round(np.random.default_rng(5).uniform(0, 900, 150))  # as many values that are no counts
+    assert assess(np.resize(anywhere, 1600)).step in (0.0, 1.0)
+
+
 def test_the_converter_step_is_read_off_the_values() -> None:
     for step, scale in ((0.3834951969714103, 1.0), (10 / 4096, 0.01)):
         x = np.round(scale * (motion() + noise(0.0, 0.3)) / step) * step

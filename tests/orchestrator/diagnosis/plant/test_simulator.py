@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Literal
+
 import numpy as np
 import pytest
 
@@ -40,6 +43,22 @@ def test_checks_and_search_simulate_alike() -> None:
     with FmuPlant(systems) as plant, Simulator(systems, stiff) as simulate:
         searched, checked = plant.simulate(stiff, recording), simulate(recording)
     np.testing.assert_array_equal(checked["tau_sensor"], searched["tau_sensor"])
+
+
+@pytest.mark.parametrize("how", ["backward", "central"])
+def test_a_speed_that_was_made_of_a_position_is_simulated_as_one(how: Literal["backward", "central"]) -> None:
+    """Where a voltage jumps, a motor's mean speed since the sample before is 2 rad/s off what it is in between."""
+    t = 0.01 * np.arange(60)
+    inputs, outputs = {"v_command": np.where(t < 0.1, 0.0, 6.0)}, {"w_motor": np.zeros(60)}
+    recording = Recording("run", "train", "no_load", t, inputs, outputs, {}, held={"v_command"})
+    systems = {"no_load": load_system("joint_no_load")}
+    with FmuPlant(systems) as plant:
+        found = plant.simulate({}, replace(recording, differences={"w_motor": how}), signals=["motor_bldc.phi"])
+        instant = plant.simulate({}, recording)["w_motor"]
+    phi = found["motor_bldc.phi"]
+    expected = np.gradient(phi, 0.01) if how == "central" else np.diff(phi, prepend=phi[0]) / 0.01
+    np.testing.assert_allclose(found["w_motor"], expected, atol=1e-9)
+    assert np.abs(found["w_motor"] - instant).max() > 2.0
 
 
 def test_what_is_added_at_a_recorded_input_does_not_replace_it() -> None:

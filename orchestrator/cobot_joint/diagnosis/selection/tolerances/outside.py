@@ -118,7 +118,7 @@ def look_outside(
         leads = _leads(problem, calibrated, best, selected)
         alone = leads or _does_as_well(problem, calibrated, explained, best, selected, taken)
         instead = len(selected) > 1 and gain >= thresholds.ALONE * first
-        more = _with_terms(problem, best, select, leads) if alone or instead or beside else None
+        more = _with_terms(problem, calibrated, best, select) if alone or instead or beside else None
         needs_fewer = (
             more is not None and more.fit.cost <= explained.cost + slack and len(more.selected) < len(selected)
         )
@@ -154,7 +154,7 @@ def nearly_alone(problem: Problem, listed: Selection, select: Select, say: Say) 
     as_one = len(listed.selected) == 1 and behind < slack
     if left < thresholds.TIMES_LESS * rest and not as_one:
         return None
-    more = _with_terms(problem, best, select)
+    more = _with_terms(problem, calibrated, best, select)
     if _needless(problem, calibrated, best, more):
         return None
     alike = (listed.selected[0].term, *listed.selected[0].alike) if as_one and behind > -slack else ()
@@ -193,7 +193,7 @@ def let_go(
     best = fit(problem, free.hypothesis, free.x, None, finished(1)) if free else None
     if best is None or calibrated.cost - best.cost < problem.evidence:
         return None
-    more = _with_terms(problem, best, select)
+    more = _with_terms(problem, calibrated, best, select)
     gain = needed(problem, more.fit) if more.selected else calibrated.cost - best.cost
     return Outside(more, gain, alike) if gain is not None else None
 
@@ -239,17 +239,22 @@ def _does_as_well(
 def _leads(problem: Problem, calibrated: Fit, best: Fit, selected: Sequence[Selected]) -> bool:
     """Whether it takes more than the first of several listed terms and leaves next to nothing: that they leave less
     proves nothing. A load 30 % too heavy was two frictions."""
-    first = max((s.gain for s in selected), default=0.0)
-    little = thresholds.NO_PROOF * problem.above(calibrated.residual)
-    return len(selected) > 1 and calibrated.cost - best.cost >= first and problem.above(best.residual) < little
+    more = calibrated.cost - best.cost >= max((s.gain for s in selected), default=0.0)
+    return len(selected) > 1 and more and _leaves_next_to_nothing(problem, calibrated, best)
 
 
-def _with_terms(problem: Problem, best: Fit, select: Select, leads: bool = False) -> Selection:
-    """Listed terms beside a parameter, where it leaves something. leads: that is next to nothing, and they have to take
-    half of it."""
-    more = select(best) if problem.unexplained(best.residual) else Selection([best])
-    enough = thresholds.HOLDS * problem.above(best.residual)
-    return more if not leads or problem.above(more.fit.residual) <= enough else Selection([best])
+def _leaves_next_to_nothing(problem: Problem, calibrated: Fit, best: Fit) -> bool:
+    return problem.above(best.residual) < thresholds.NO_PROOF * problem.above(calibrated.residual)
+
+
+def _with_terms(problem: Problem, calibrated: Fit, best: Fit, select: Select) -> Selection:
+    """Listed terms beside a parameter, where it leaves something; of next to nothing they have to take half: a friction
+    by direction had taken 40 % of the hundredth that a load leaves that was too heavy, and the mass with it."""
+    if not problem.unexplained(best.residual):
+        return Selection([best])
+    more, half = select(best), (1 - thresholds.HOLDS) * problem.above(best.residual)
+    patches = _leaves_next_to_nothing(problem, calibrated, best) and problem.above(more.fit.residual) > half
+    return Selection([best]) if patches else more
 
 
 def _in_place_of_one(

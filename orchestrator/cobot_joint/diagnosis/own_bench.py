@@ -126,6 +126,7 @@ def _first_campaign(
         one_each,
     )
     from cobot_joint.diagnosis.drafts.constant_speeds import as_table
+    from cobot_joint.diagnosis.drafts.counted_speeds import in_counts
     from cobot_joint.diagnosis.drafts.current_drive import nominal_beside, percent_of_drive
     from cobot_joint.diagnosis.drafts.more_guesses import guesses_of, with_only_place, with_rates
     from cobot_joint.diagnosis.drafts.starts import starts
@@ -157,6 +158,7 @@ def _first_campaign(
     guesses = with_only_place(own, guesses, every, left_over(own, channels, guesses, offered), channels)
     guesses = with_rates(own, guesses, every, left_over(own, channels, guesses, offered), columns)
     left = left_over(own, channels, guesses, offered)
+    percent |= in_counts(channels, guesses, offered)
     beginnings = starts(own, guesses, [i.log.channels for i in found])
     drafted = Columns(guesses, wanted, left, percent, unusable, nominal_beside(own, guesses), beginnings)
     files = [Path(os.path.relpath(log, folder)).as_posix() for log in logs]
@@ -222,7 +224,7 @@ def new(
         ),
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Write over what lies in the folder.")] = False,
-    list_: Annotated[bool, typer.Option("--list", help="Show what --set takes, and write nothing.")] = False,
+    list_: Annotated[bool, typer.Option("--list", help="Show what --set takes, or the parts; write nothing.")] = False,
 ) -> None:
     """Write a readable system (.ssd) and a campaign for a machine of your own."""
     from cobot_joint.diagnosis.drafts.chain import Chain, kept_in_words, with_data_sheet, write_readable
@@ -230,8 +232,11 @@ def new(
     from cobot_joint.diagnosis.drafts.shafts import mesh_in_words, shaft_in_words, with_stiff_parts
     from cobot_joint.system.read import load_system
 
+    if list_ and chain is None and from_ is None:
+        _list_parts()
+        return
     if (chain is None) == (from_ is None):
-        raise UserError("new: one of --chain motor,gear,sensor,load and --from joint is needed")
+        raise UserError("new: one of --chain motor,gear,sensor,load and --from joint is needed; --list shows the parts")
     parts = [n.strip() for n in (chain or "").split(",")]
     made = make(parts) if chain is not None else Chain(load_system(str(from_)), {})
     values = dict(_assignment(text) for text in set_ or [])
@@ -256,6 +261,16 @@ def new(
     console.print(*_ringing(made), *_commanded(made, values), sep="", end="")
     (folder / "campaign.toml").write_text(_campaign(made.system, folder), encoding="utf-8")
     console.print(folder / "campaign.toml", soft_wrap=True)
+
+
+def _list_parts() -> None:
+    """Every part that a chain may have."""
+    from cobot_joint.diagnosis.drafts.chain import PARTS
+
+    grid = Table("part", "what it is", "unit")
+    for name, part in PARTS.items():
+        grid.add_row(name, escape(part.words), part.unit)
+    console.print(grid, "--chain motor,gear,load --list shows what --set takes of these", sep="\n")
 
 
 def _list_parameters(made: Chain) -> None:

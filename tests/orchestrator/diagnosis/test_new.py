@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from cobot_joint.diagnosis.drafts.chain import chain, with_data_sheet
+from cobot_joint.diagnosis.drafts.chain import PARTS, chain, with_data_sheet
 from tests.orchestrator.diagnosis.typed import Done
 
 
@@ -20,6 +20,13 @@ def test_list_shows_what_set_takes_with_values_given_and_writes_nothing(
     assert any(row[:3] == ["motor.winding.R", "0.62", "Ohm"] for row in rows)
     assert any(row[:3] == ["load.windage.c", "0", "N.m.s2/rad2"] for row in rows)
     assert not any(tmp_path.iterdir())
+
+
+def test_the_parts_of_a_chain_are_shown_where_none_is_given(cobot_joint: Callable[..., Done]) -> None:
+    """`new --list` asked for a --chain first, of parts that nobody had shown."""
+    done = cobot_joint("new", "--list")
+    assert done.returncode == 0, done.stderr
+    assert all(f" {part} " in done.stdout for part in PARTS)
 
 
 def test_new_writes_over_a_folder_only_where_that_is_asked_for(

@@ -31,7 +31,7 @@ WORDS = {
     **{f"{prefix}Nm": f"{prefix}N.m" for prefix in ("", "m", "u", "µ", "c", "k")},
     "Ncm": "N.cm",
     "Nmm": "N.mm",
-    "Nms": "N.m.s",
+    **{f"{prefix}Nms": f"{prefix}N.m.s" for prefix in ("", "m", "u", "µ")},
     **dict.fromkeys(("U", "rev", "Umdr"), "turn"),
     **dict.fromkeys(("°", "Grad"), "deg"),
     "°C": "degC",
@@ -49,6 +49,12 @@ TOKEN = re.compile(
     r"\s*(?:(?P<word>[^\W\d_]*[^\W\d]|[%°‰][^\W\d_]*)(?:(?:\*\*|\^)?(?P<power>-?\d))?|(?P<op>[./*()]|1(?=\s*/)))"
 )
 
+TORQUES = {  # as hobby servos' and American data sheets write them: weights, not masses
+    re.compile(r"\bozf?[-.]?in\b(?![-.²2^])"): "ozf.inch",
+    re.compile(r"\b(?:lbf?[-.]?in|in[-.]lbf?)\b(?![-.²2^])"): "lbf.inch",
+    re.compile(r"\b(?:lbf?[-.]?ft|ft[-.]lbf?)\b(?![-.²2^])"): "lbf.foot",
+    re.compile(r"\bkgf?-?cm\b(?![-.²2^])"): "kgf.cm",
+}
 PER_THOUSAND_RPM = re.compile(r"(?:/|\bper)\s*1000\s*(?:rpm|min-1|U/min)\b")  # of viscous friction, in data sheets
 IN_PARENTHESES = re.compile(r"\s*\(([^()]+)\)$")
 # a unit, not `(raw)`, `(min)` or phase `(A)`: a letter alone is none here, or one that changes nothing
@@ -168,6 +174,8 @@ def _parse(unit: str, where: str, speed: bool = False) -> pint.Quantity:
         factor = FACTOR.match(text)
         text = text[factor.end() :].strip() if factor else text
         text = PER_THOUSAND_RPM.sub("/krpm", text)
+        for written, read in TORQUES.items():
+            text = written.sub(read, text)
         text = "rpm" if speed and text in PER_MINUTE else WHOLE.get(text, text)
         quantity = _product(_tokens(text)) if text != "1" else _registry().Quantity(1.0, "")
         if factor:

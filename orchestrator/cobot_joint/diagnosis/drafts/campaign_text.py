@@ -72,10 +72,12 @@ class Lacking:
 
 @dataclass(frozen=True)
 class Rated:
-    """What a column in % of a rated value could be. hint: what that value is in the connector's unit, in words."""
+    """What a column in % of a rated value could be, or one in counts. hint: what that value is in the connector's unit,
+    in words. whole: what the value is of."""
 
     connector: Connector
     hint: str = ""
+    whole: str = "what 100 % of it is"
 
 
 @dataclass(frozen=True)
@@ -353,7 +355,7 @@ def _channels(columns: Columns) -> list[str]:
         lines.append(f'# "COLUMN" = {_quoted(c.name)}   # {c.causality} [{c.unit or "1"}]: no column was found')
     for header, rated in columns.percent.items():
         to = f"{{ to = {_quoted(rated.connector.name)}, scale = {_quoted(f'RATED {rated.connector.unit}')} }}"
-        why = f"not used: in place of RATED, what 100 % of it is{rated.hint}"
+        why = f"not used: in place of RATED, {rated.whole}{rated.hint}"
         lines.append(f"# {_quoted(_line(header))} = {to}   # {why}")
     for header, fitting in ((h, f) for h, f in columns.left.items() if h not in columns.percent):
         why = f"not used; it could be {among(fitting, 5)}" if fitting else "not used: no connector is like it"

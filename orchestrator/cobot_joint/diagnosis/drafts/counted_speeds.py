@@ -1,8 +1,10 @@
-"""Speeds that a logger counted from sample to sample, by an encoder: means, half a sample behind the instant."""
+"""What an encoder counts: an angle in counts, and speeds counted from sample to sample, means that are half a sample
+behind the instant."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +14,7 @@ from cobot_joint.diagnosis.data.conditioning import quantisation_step
 from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.diagnosis.data.quantity import convert
 from cobot_joint.diagnosis.data.recording import Connector
-from cobot_joint.diagnosis.drafts.campaign_text import Guess, converts
+from cobot_joint.diagnosis.drafts.campaign_text import Guess, Rated, converts, header_of
 from cobot_joint.system.model import System
 from cobot_joint.system.shafts import position_behind
 
@@ -21,7 +23,19 @@ COUNTS = sorted([*(2.0**k for k in range(5, 25)), *(m * 10.0**k for k in range(1
 NEAR = 1e-3  # by which a count per turn may be off one of these: by chance one speed in thirty has such a step
 SHARPER = 0.3  # times what central differences of the angle leave, that those since the sample before leave at most
 FEWEST = 10  # samples, of which that can be told
+COUNTED = re.compile(r"(?:^|_)(?:enc(?:oder)?|ticks?|counts?|cnts?|pulses?|inc(?:rement)?s?|inkremente)(?:_|$)", re.I)
 RATES = {"rad/s": "rad", "m/s": "m"}  # units of speeds, and of their positions
+
+
+def in_counts(channels: Iterable[Channel], guesses: Sequence[Guess], offered: Iterable[Connector]) -> dict[str, Rated]:
+    """Column of whole numbers without a unit whose name says that they were counted -> the first angle that it could
+    be: `enc_ticks`."""
+    used = {g.column.name for g in guesses} | {g.connector for g in guesses}
+    angle = next((c for c in offered if c.unit == "rad" and c.causality == "output" and c.name not in used), None)
+    free = [c for c in channels if c.unit in (None, "1") and c.name not in used and COUNTED.search(c.name)]
+    whole = [c for c in free if np.all(c.values[np.isfinite(c.values)] % 1 == 0)]
+    words = "what one count is: 6.283185 over the counts per turn, edges of both tracks counted"
+    return {header_of(c): Rated(angle, whole=words) for c in whole} if angle else {}
 
 
 def with_counted_speeds(

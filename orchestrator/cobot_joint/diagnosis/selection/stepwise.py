@@ -169,7 +169,7 @@ class Selector:
             self.progress(f"{term} takes {share(gain, above)} of what is above noise: too little for a name")
             return False
         if so_far.selected and self._is_patch(best, winner):
-            self.progress(f"{term} takes less than it leaves: a patch on a form that is somewhat off")
+            self.progress(f"{term} takes less than half of what was left: no term, but the rest of one before it")
             return False
         return True
 

@@ -99,6 +99,17 @@ def test_a_viscous_friction_per_thousand_turns_a_minute_is_read(unit: str) -> No
     assert convert(np.ones(1), unit, "N.m.s/rad", "here")[0][0] == pytest.approx(1e-3 / (1000 * 2 * np.pi / 60))
 
 
+@pytest.mark.parametrize(
+    ("unit", "value"),
+    [("oz-in", 7.0615518e-3), ("lb-in", 0.11298483), ("ft-lb", 1.3558179), ("kg-cm", 0.0980665), ("kgcm", 0.0980665)],
+)
+def test_a_torque_is_read_as_servos_and_american_data_sheets_write_it(unit: str, value: float) -> None:
+    assert convert(np.ones(1), unit, "N.m", "here")[0][0] == pytest.approx(value, rel=1e-7)
+    assert convert(np.ones(1), f"{unit}/A", "N.m/A", "here")[0][0] == pytest.approx(value, rel=1e-7)
+    assert convert(np.ones(1), "kgcm2", "kg.m2", "here")[0][0] == pytest.approx(1e-4)
+    assert convert(np.ones(1), "mNms/rad", "N.m.s/rad", "here")[0][0] == pytest.approx(1e-3)
+
+
 def test_a_lead_without_its_angle_is_refused_since_it_may_be_per_turn_or_per_radian() -> None:
     per_turn, unit = convert(np.ones(1), "mm/rev", "m/rad", "here")
     assert (per_turn[0], unit) == (pytest.approx(1e-3 / (2 * np.pi)), "m/rad")

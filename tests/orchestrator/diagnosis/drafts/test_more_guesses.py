@@ -198,3 +198,15 @@ def test_a_speed_that_is_what_its_angle_went_since_the_sample_before_is_too(
     (line,) = (line for line in lines if '"n [deg/s]"' in line)
     assert ("mean = true" in line) == mean
     assert ("it is what 'Angle' went since the sample before" in line) == mean
+
+
+def test_an_encoder_s_counts_are_drafted_as_an_angle_whose_counts_per_turn_are_to_be_given(
+    tmp_path: Path, cobot_joint: Callable[..., Done]
+) -> None:
+    """ "no connector is like it", though a motor's angle was the one motion that a conveyor's log had."""
+    counts = {"enc_ticks": np.floor(measured()["Angle [deg]"] * 4096 / 360)}
+    without_angle = {name: x for name, x in measured().items() if name != "Angle [deg]"}
+    lines = drafted(tmp_path, cobot_joint, "motor,gear,load", without_angle | counts)
+    (line,) = (line for line in lines if "enc_ticks" in line)
+    assert line.startswith('# "enc_ticks" = { to = "motor.phi", scale = "RATED rad" }   # not used: in place of RATED')
+    assert "6.283185 over the counts per turn" in line

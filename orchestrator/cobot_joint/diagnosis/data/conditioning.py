@@ -191,7 +191,9 @@ def quantisation_step(x: NDArray[np.float64]) -> float:
     whole = np.rint(values / step)
     step = float(np.dot(whole, values) / np.dot(whole, whole))  # all values together know it better than two neighbours
     multiples = np.mean(np.abs(values / step - np.rint(values / step)) < 0.1) > 0.95
-    return max(step if multiples else 0.0, _rounded_step(values, float(apart.min()), float(np.median(apart))))
+    step = step if multiples else 0.0
+    wider = _rounded_step(values, float(apart.min()), float(np.median(apart)))
+    return wider if wider > 1.5 * step else step
 
 
 def _rounded_step(values: NDArray[np.float64], least: float, usual: float) -> float:

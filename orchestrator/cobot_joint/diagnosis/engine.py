@@ -219,9 +219,9 @@ def _searched(
     )
     if isinstance(outside, Selection):
         return _found_beside_it(problem, found, outside)
-    if outside is None or (found.unmodelled and _stands_before(problem, found.unmodelled, outside)):
+    if outside is None or (found.unmodelled and outside.gives_way(problem, found.calibrated, found.unmodelled)):
         return found
-    if (formula := found.gave_way) and _alone_explains(problem, formula, outside):
+    if (formula := found.gave_way) and _alone_explains(problem, found.calibrated, formula, outside):
         return Explanation(found.calibrated, formula.fit, found.selection, formula.selected, formula)
     return _or_misread(problem, _with_formula(problem, found.calibrated, outside, say), misread)
 
@@ -303,20 +303,13 @@ def _found_beside_it(problem: Problem, found: Explanation, listed: Selection) ->
     return Explanation(found.calibrated, listed.fit, listed, listed.selected, rival=rival)
 
 
-def _stands_before(problem: Problem, formula: Unmodelled, outside: Outside) -> bool:
-    """Whether a formula is the answer, not a parameter outside its tolerance: it leaves so much less, or less, and the
-    parameter is no claim."""
-    if formula.outdoes(problem, outside.fit):
-        return True
-    left, rest = remains(problem, outside.fit, formula.fit)
-    return formula.is_likely and left > formula.freedom * rest and outside.confidence(problem) < thresholds.EVEN
-
-
-def _alone_explains(problem: Problem, formula: Unmodelled, outside: Outside) -> bool:
+def _alone_explains(problem: Problem, calibrated: Fit, formula: Unmodelled, outside: Outside) -> bool:
     """Whether a formula that gave way to listed terms leaves less, per feature, than the parameter and the terms that
     took their place, and nothing that stands out where these do: a brake's drag was its idle torque, 65 %, and a load
     (machine 199/40)."""
     if not problem.stands_out(outside.fit.residual) or problem.stands_out(formula.fit.residual):
+        return False
+    if outside.stands(problem, calibrated, formula):
         return False
     left, rest = remains(problem, outside.fit, formula.fit)
     return left * (1 + len(outside.selection.selected)) > formula.freedom * rest

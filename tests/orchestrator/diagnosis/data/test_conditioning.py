@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import scipy.signal
 
 from cobot_joint.diagnosis.data.campaign import load_campaign
 from cobot_joint.diagnosis.data.conditioning import assess, condition
+from cobot_joint.diagnosis.data.recording import Recording
 
 N = 16000
 STEP = 1e-3
@@ -68,6 +70,16 @@ def test_steps_that_a_file_rounded_once_more_are_seen() -> None:
     assert assess(rpm).step == pytest.approx(60 / 2048 / 0.01, rel=2e-3)
     anywhere = np.round(np.random.default_rng(5).uniform(0, 900, 150))  # as many values that are no counts
     assert assess(np.resize(anywhere, 1600)).step in (0.0, 1.0)
+
+
+def test_an_encoder_s_counts_at_one_speed_are_as_uncertain_as_at_any_other() -> None:
+    """The noise of a hoist's speed was half of what its counts are off by: at constant speed they stay the same."""
+    t = 0.01 * np.arange(1600)
+    w = np.interp(t, [0, 4, 5, 8, 9, 12, 13, 16], [0, 0, 153.4, 153.4, -73.6, -73.6, 257.7, 257.7])
+    r = Recording("run", "train", "default", t, {}, {"w": counts(2048, 0.01, np.cumsum(w) * 0.01)}, {"w": "rad/s"})
+    known = condition([replace(r, differences={"w": "backward"})])["w"]
+    assert condition([r])["w"].noise < 0.7 * known.noise
+    assert known.noise == pytest.approx(2 * np.pi / 2048 / 0.01 / np.sqrt(6), rel=1e-2)
 
 
 def test_the_converter_step_is_read_off_the_values() -> None:

@@ -71,7 +71,7 @@ class Outside:
         return Outside(selection, gain, ())
 
     def gives_way(self, problem: Problem, calibrated: Fit, formula: Unmodelled) -> bool:
-        """Whether a formula is the answer in its place: it leaves so much less, or less, and the parameter is no claim."""
+        """Whether a formula is the answer instead: it leaves so much less, or less, and the parameter is no claim."""
         if self.stands(problem, calibrated, formula):
             return False
         if formula.outdoes(problem, self.fit):

@@ -1,0 +1,88 @@
+"""Beside a parameter that leaves next to nothing of what is above noise, leaving less proves nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from cobot_joint.diagnosis.estimation.calibrate import calibrate
+from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.problem import Problem, one_blas_thread
+from cobot_joint.diagnosis.findings import Estimate, Feature, Finding, Form
+from cobot_joint.diagnosis.plant.correction import Factor, Product
+from cobot_joint.diagnosis.selection.selection import Selected, Selection
+from cobot_joint.diagnosis.selection.tolerances import outside
+from cobot_joint.diagnosis.selection.tolerances.letting_go import leaves_least
+from cobot_joint.diagnosis.selection.tolerances.outside import Outside, look_outside
+from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
+from cobot_joint.diagnosis.store import Store
+from tests.orchestrator.diagnosis.axis import NOMINAL, Axis, campaign
+
+
+@cache
+def heavy() -> tuple[Problem, Fit, Fit]:
+    """(problem, calibrated, with the inertia free) of an axis of 1.6 times its inertia, and a little windage."""
+    case = campaign({"axis.J": 1.6 * NOMINAL["axis.J"], "axis.windage.c": 3e-6})
+    with one_blas_thread():
+        problem, base = calibrate(case, Axis(), lambda words: None, Store(None))
+        best = leaves_least(problem, base, 0.5 * problem.above(base.residual))
+    assert best is not None
+    share = problem.above(best.residual) / problem.above(base.residual)
+    assert 0.002 < share < 0.02
+    assert problem.unexplained(best.residual)
+    return problem, base, best
+
+
+def leaving(share: float, fit: Fit) -> Fit:
+    """A fit, as if it left that share of its chi-square."""
+    return replace(fit, residual=share**0.5 * fit.residual, chi2=share * fit.chi2)
+
+
+def formula(fit: Fit) -> Unmodelled:
+    feature = Feature(Product((Factor("w", "u3"),)), Estimate(1.0, "N.m", (0.9, 1.1)))
+    shape = Form("axis.tau_add", "N.m", (), (feature,), 0.9)
+    return Unmodelled(fit, [], Finding("axis.unlisted", (), 0.9, None, {}, {}, 1e3, shape=shape), 0.99)
+
+
+@pytest.mark.parametrize(("times", "instead"), [(0.99, True), (1.01, False)])
+def test_a_parameter_that_takes_more_than_the_first_of_several_terms_is_the_finding_though_they_leave_less(
+    times: float, instead: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A hoist's load, 30 % too heavy, left 1 %, and two frictions half of that."""
+    problem, base, best = heavy()
+    gain = base.cost - best.cost
+    two = [Selected("axis.asymmetry", times * gain), Selected("axis.windage", 600.0)]
+    monkeypatch.setattr(outside, "_in_place_of_one", lambda *_: None)  # these terms are in no fit
+    monkeypatch.setattr(outside, "_beside", lambda *_: None)
+    with one_blas_thread():
+        found = look_outside(
+            problem, base, leaving(0.4, best), two, lambda fit: Selection([base, fit]), lambda words: None
+        )
+    assert isinstance(found, Outside) == instead
+    assert found is None or found.name == "axis.J"
+
+
+@pytest.mark.parametrize(("share", "stays"), [(0.45, True), (0.6, False)])
+def test_terms_beside_it_stay_where_they_take_half_of_that(share: float, stays: bool) -> None:
+    """A friction by direction took 40 % of the hundredth that a load leaves that was too heavy, and 2 kg of it."""
+    problem, base, best = heavy()
+    above = problem.above(best.residual)
+    rest = leaving((share * above + problem.samples) / best.chi2, best)
+    found = outside._with_terms(
+        problem, base, best, lambda fit: Selection([fit, rest], [Selected("axis.windage", 600.0)])
+    )
+    assert [s.term for s in found.selected] == (["axis.windage"] if stays else [])
+
+
+def test_a_formula_that_leaves_something_itself_is_not_the_answer_in_its_place_and_one_that_leaves_noise_is() -> None:
+    problem, base, best = heavy()
+    found = Outside(Selection([base, best]), base.cost - best.cost, ())
+    something = leaving(0.5 + 0.5 * problem.samples / best.chi2, best)
+    noise = np.random.default_rng(2).normal(size=best.residual.shape)
+    nothing = replace(best, residual=noise, chi2=float(noise @ noise))
+    assert problem.unexplained(something.residual)
+    assert not found.gives_way(problem, base, formula(something))
+    assert found.gives_way(problem, base, formula(nothing))

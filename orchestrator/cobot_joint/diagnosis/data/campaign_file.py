@@ -87,7 +87,8 @@ Scale = Annotated[float, Field(allow_inf_nan=False)] | str  # a number, or a qua
 
 
 class ColumnEntry(_Model):
-    """What [channels] says of a column, where a name is not enough: x = sign*scale*column + offset, or its rate."""
+    """What [channels] says of a column, where a name is not enough: x = sign*scale*column + offset, or its rate; or
+    that of its product with another."""
 
     to: str  # the connector
     scale: Scale | None = None
@@ -96,13 +97,16 @@ class ColumnEntry(_Model):
     derivative: bool = False  # a position's column for a speed's connector
     hold: bool = False  # a set value that its drive holds until the next one
     mean: bool = False  # a speed's mean since the sample before, of an encoder's counts
+    times: str = ""  # another column of the file, which it is multiplied by: a duty cycle's supply
 
     @property
     def column(self) -> Column:
         """As a recording is read with it. Whoever gives a scale or sign has looked at it."""
         looked = self.scale is not None or self.sign is not None
         scale = 1.0 if self.scale is None else self.scale
-        return Column(self.to, scale, self.sign or 1, self.offset, self.derivative, looked, self.hold, self.mean)
+        return Column(
+            self.to, scale, self.sign or 1, self.offset, self.derivative, looked, self.hold, self.mean, self.times
+        )
 
 
 Values = dict[str, float | bool | str]  # `component.parameter` -> number, choice or quantity

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from cobot_joint.diagnosis.data.formats import Channel
-from cobot_joint.errors import UserError
+from cobot_joint.diagnosis.data.formats import Channel, Log
+from cobot_joint.diagnosis.data.quantity import split_header
+from cobot_joint.errors import UserError, among
 
 GAP = 2.5  # steps between two samples above which what lies between counts as not recorded
 ROUNDED = 0.01  # steps by which the stamps of a regular clock may be off, by rounding
@@ -241,3 +244,28 @@ def fill(
         )
         series = np.interp(time, time[~lost], series[~lost])
     return series
+
+
+def windowed(log: Log, window: tuple[float | None, float | None], late: Mapping[str, float]) -> list[Channel]:
+    """Channels with the stamps of late ones put right, cut to the window; those that share a clock go on sharing it."""
+    shifts = {name if name in log.names else split_header(name)[0]: shift for name, shift in late.items()}
+    begin, end = (-np.inf if window[0] is None else window[0]), (np.inf if window[1] is None else window[1])
+    clocks: dict[tuple[int, float], tuple[NDArray[np.float64], NDArray[np.bool_]]] = {}
+    found = []
+    for channel in log.channels:
+        shift = shifts.pop(channel.name, 0.0)
+        key = (id(channel.time), shift)
+        if key not in clocks:
+            time = channel.time - shift
+            inside = ~((time < begin) | (time > end))
+            if len(time) and not inside.any():
+                low, high = np.nanmin(time), np.nanmax(time)
+                raise UserError(
+                    f"{log.path}: begin = {begin:g}, end = {end:g} s is given, the clock runs {low:g} to {high:g} s"
+                )
+            clocks[key] = (time[inside], inside)
+        time, inside = clocks[key]
+        found.append(replace(channel, time=time, values=channel.values[inside]))
+    if shifts:
+        raise UserError(f"{log.path}: late: column {next(iter(shifts))!r} is given, {among(log.names)} are there")
+    return found

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cobot_joint.diagnosis.data.clock import FEWEST, fill, regular_clock, resample, unwrapped, without_wild
+from cobot_joint.diagnosis.data.clock import FEWEST, fill, regular_clock, resample, unwrapped, windowed, without_wild
 from cobot_joint.diagnosis.data.delimited import Layout
 from cobot_joint.diagnosis.data.formats import Channel, Log, nearest, read_log
 from cobot_joint.diagnosis.data.quantity import convert, is_angle, product, split_header
@@ -94,6 +94,7 @@ class Column:
     believed: bool = False  # somebody looked at its factor and sign: what is implausible is theirs
     hold: bool = False  # the machine gets every value until the next one comes
     mean: bool = False  # a speed's mean since the sample before, of an encoder's counts
+    times: str = ""  # another column of the file, which it is multiplied by: a duty cycle's supply
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,7 @@ def read_recording(
     a column may carry its unit in brackets, for files that cannot. Raises UserError.
     """
     log = read_log(path, reading.time, reading.layout, table=reading.table == "rows")
-    log, notes = replace(log, channels=_windowed(log, reading.window, reading.late)), [*log.notes]
+    log, notes = replace(log, channels=windowed(log, reading.window, reading.late)), [*log.notes]
     wired = {header: c if isinstance(c, Column) else Column(c) for header, c in columns.items()}
     found = _wanted(log, connectors, wired, reading, notes)
     raw = {name: channel for name, (channel, _, _) in found.items()}
@@ -234,8 +235,10 @@ def _wanted(
             both = f"{found[column.connector][0].name!r} and {channel.name!r}"
             raise UserError(f"{log.path}: columns {both} are both there for {column.connector!r}, one is allowed")
         else:
-            found[column.connector] = channel, header, column
+            here = channel, header, column
+            found[column.connector] = _multiplied(log, *here) if column.times else here
     used = {channel.name for channel, _, _ in found.values()} | {split_header(header)[0] for header in columns}
+    used |= {split_header(column.times)[0] for _, _, column in found.values()}
     notes += [f"{name} is not connected to the system and not used" for name in log.names if name not in used]
     there = {*columns, *(split_header(header)[0] for header in columns), *connectors, *log.names}
     there |= {column.connector for column in columns.values()}
@@ -264,6 +267,19 @@ def _wanted(
             f"the file has {among(log.names)}"
         )
     return found
+
+
+def _multiplied(log: Log, channel: Channel, header: str, column: Column) -> tuple[Channel, str, Column]:
+    """A channel times another of the file, in the unit that this makes. UserError: that one is not there, or empty."""
+    (name, stated), where = split_header(column.times), f"{log.path}: column {header!r}: times = {column.times!r}"
+    other = log.find(name)
+    if other is None or not np.isfinite(other.values).any():
+        lacking = "has no value" if other else f"is given, the file has {among(log.names)}{nearest(name, log.names)}"
+        raise UserError(f"{where} {lacking}")
+    known = np.isfinite(other.values)
+    values = channel.values * np.interp(channel.time, other.time[known], other.values[known])
+    unit = product(channel.unit or split_header(header)[1], f"1 {other.unit or stated or ''}", where)
+    return replace(channel, values=values, unit=unit), split_header(header)[0], column
 
 
 def _there(log: Log, name: str, may_lack: bool) -> Channel | None:
@@ -329,31 +345,6 @@ def _going_on(channel: Channel, header: str, column: Column, target: str | None,
         return channel
     notes.append(f"{channel.name}: begins anew after a turn, {jumps} times: it goes on instead")
     return replace(channel, values=values)
-
-
-def _windowed(log: Log, window: tuple[float | None, float | None], late: Mapping[str, float]) -> list[Channel]:
-    """Channels with the stamps of late ones put right, cut to the window; those that share a clock go on sharing it."""
-    shifts = {name if name in log.names else split_header(name)[0]: shift for name, shift in late.items()}
-    begin, end = (-np.inf if window[0] is None else window[0]), (np.inf if window[1] is None else window[1])
-    clocks: dict[tuple[int, float], tuple[NDArray[np.float64], NDArray[np.bool_]]] = {}
-    found = []
-    for channel in log.channels:
-        shift = shifts.pop(channel.name, 0.0)
-        key = (id(channel.time), shift)
-        if key not in clocks:
-            time = channel.time - shift
-            inside = ~((time < begin) | (time > end))
-            if len(time) and not inside.any():
-                low, high = np.nanmin(time), np.nanmax(time)
-                raise UserError(
-                    f"{log.path}: begin = {begin:g}, end = {end:g} s is given, the clock runs {low:g} to {high:g} s"
-                )
-            clocks[key] = (time[inside], inside)
-        time, inside = clocks[key]
-        found.append(replace(channel, time=time, values=channel.values[inside]))
-    if shifts:
-        raise UserError(f"{log.path}: late: column {next(iter(shifts))!r} is given, {among(log.names)} are there")
-    return found
 
 
 FIRST = re.compile(r"first sample(?: of (?P<channel>.+?))?(?:\s*(?P<op>[*/])\s*(?P<factor>[-+.\deE]+))?")

@@ -60,6 +60,7 @@ class Guess:
     scale: str = ""  # connector's unit per column's, where these do not convert
     hold: bool = False  # whether its values hold until the next one
     mean: bool = False  # whether they are means since the one before
+    times: str = ""  # another column that it is multiplied by
 
 
 @dataclass(frozen=True)
@@ -349,6 +350,7 @@ def _channels(columns: Columns) -> list[str]:
         why = f"   # guess: {g.why}" if g.why else ""
         more = ([f"scale = {_quoted(g.scale)}"] if g.scale else []) + (["hold = true"] if g.hold else [])
         more += ["mean = true"] if g.mean else []
+        more += [f"times = {_quoted(g.times)}"] if g.times else []
         to = f"{{ {', '.join([f'to = {_quoted(g.connector)}', *more])} }}" if more else _quoted(g.connector)
         lines.append(f"{_quoted(header_of(g.column))} = {to}{why}")
     for c in (each.connector for each in columns.lacking):

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.diagnosis.data.recording import Connector
-from cobot_joint.diagnosis.drafts.campaign_text import PERCENT, Guess
+from cobot_joint.diagnosis.drafts.campaign_text import PERCENT, Guess, converts, header_of
 from cobot_joint.system.model import System
 
 NAMED = {"pwm", "duty", "dutycycle"}
+SUPPLIES = {"vbat", "vbus", "battery", "batt", "bat", "supply", "bus", "vin", "input", "dc", "vdc", "pack"}
 FULL = (1.0, 100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0, 65535.0)  # what a controller calls all of the supply
 SUPPLY = "inverter.v_bus"
 
@@ -20,8 +22,9 @@ SUPPLY = "inverter.v_bus"
 def with_duty_cycle(
     system: System, guesses: Sequence[Guess], connectors: Mapping[str, Connector], columns: Sequence[Channel]
 ) -> list[Guess]:
-    """Where no column is the voltage that drives the system, and one is named as a duty cycle: that."""
-    guessed, used = {g.connector for g in guesses}, {g.column.name for g in guesses}
+    """Where no column is the voltage that drives the system, and one is named as a duty cycle: that, times its supply's
+    voltage where that is a column."""
+    guessed, used = {g.connector for g in guesses if not _supply(g.column)}, {g.column.name for g in guesses}
     driven = [c for c in connectors.values() if c.causality == "input" and c.unit == "V" and c.name not in guessed]
     supplies = [float(c.parameters.get(SUPPLY, c.unit.variables[SUPPLY].start) or 0.0)
                 for c in system.components if SUPPLY in c.unit.variables]  # fmt: skip
@@ -35,7 +38,22 @@ def with_duty_cycle(
     full = next((n for n in FULL if largest <= n), None)
     if full is None:
         return list(guesses)
-    per_unit = v_bus if column.unit in PERCENT else v_bus / full
+    share = 1.0 if column.unit in PERCENT else 1 / full
     at = "100 %" if column.unit in PERCENT else f"{full:g}"
+    found = [supply for c in columns if (supply := _supply(c))]
+    guesses = [g for g in guesses if g.connector != connector.name]
+    if len(found) == 1:
+        (supply,) = found
+        why = f"by its name; {supply!r} is taken for its supply, all of it at {at}"
+        scale = f"{share:.6g}" if share != 1 else ""
+        return [*guesses, Guess(column, connector.name, why, scale, times=supply)]
     why = f"by its name; {v_bus:g} V at {at} is assumed"
-    return [*guesses, Guess(column, connector.name, why, f"{per_unit:.6g} V")]
+    return [*guesses, Guess(column, connector.name, why, f"{share * v_bus:.6g} V")]
+
+
+def _supply(column: Channel) -> str:
+    """The header of a column that is named as a supply's voltage, and is in volts; "": it is none."""
+    words = re.findall("[a-z]+", column.name.lower())
+    unit = column.unit or ("V" if words and words[-1] == "v" else None)
+    named = SUPPLIES & set(words) and unit is not None and converts(unit, "V")
+    return header_of(replace(column, unit=unit)) if named else ""

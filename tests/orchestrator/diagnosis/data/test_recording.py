@@ -215,28 +215,6 @@ def test_a_position_stands_for_a_speed_and_its_integral_does_not_drift(tmp_path:
     assert np.max(np.abs(travelled - phi)) < 8e-3  # rad; errors of 1 mrad that added up would reach 30
 
 
-def test_a_set_value_that_is_held_keeps_its_samples_and_says_so(tmp_path: Path) -> None:
-    pa.parquet.write_table(pa.table({"time [s]": T} | SIGNALS), tmp_path / "run.parquet")
-    plain = read_recording(tmp_path / "run.parquet", CONNECTORS, {"v": "v", "w": "w", "i": "i"})
-    r = read_recording(tmp_path / "run.parquet", CONNECTORS, {"v": Column("v", hold=True), "w": "w", "i": "i"})
-    assert np.array_equal(r.inputs["v"], plain.inputs["v"])
-    assert (r.held, plain.held) == ({"v"}, set())
-    with pytest.raises(UserError, match="column 'w': hold is given, 'w' is an output; it is for inputs"):
-        read_recording(tmp_path / "run.parquet", CONNECTORS, {"v": "v", "w": Column("w", hold=True), "i": "i"})
-
-
-def test_a_speed_that_is_a_mean_says_so_and_a_filter_gets_it_where_it_is(tmp_path: Path) -> None:
-    pa.parquet.write_table(pa.table({"time [s]": T} | SIGNALS), tmp_path / "run.parquet")
-    r = read_recording(tmp_path / "run.parquet", CONNECTORS, {"v": "v", "w": Column("w", mean=True), "i": "i"})
-    assert r.differences == {"w": "backward"}
-    w, there = r.outputs["w"], r.centred()
-    np.testing.assert_allclose(there.outputs["w"][:-1], (w[1:] + w[:-1]) / 2)
-    assert np.isnan(there.outputs["w"][-1])
-    assert there.centred() is there
-    with pytest.raises(UserError, match="'v': mean is given, 'v' is an input; it is for a speed's output"):
-        read_recording(tmp_path / "run.parquet", CONNECTORS, {"v": Column("v", mean=True), "w": "w", "i": "i"})
-
-
 def test_a_unit_that_differs_from_the_file_s_own_is_said(tmp_path: Path) -> None:
     pa.parquet.write_table(pa.table({"time [s]": T} | SIGNALS), tmp_path / "run.parquet")
     columns = {"v [mV]": "v", "w [1/s.rad]": "w", "i": "i"}

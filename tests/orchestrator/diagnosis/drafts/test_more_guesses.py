@@ -85,6 +85,25 @@ def test_a_duty_cycle_is_drafted_as_the_voltage_that_nobody_logged(
     assert any(line.startswith(f'"{column}" = {{ to = "v_command", scale = "{scale}"') for line in lines), lines
 
 
+@pytest.mark.parametrize(
+    ("column", "top", "supply", "drafted_as"),
+    [
+        ("duty_cycle", 0.9, "input_voltage [V]", 'times = "input_voltage [V]" }'),
+        ("pwm", 255.0, "vbat_V", 'scale = "0.00392157", times = "vbat_V [V]" }'),
+        ("PWM [%]", 80.0, "Battery [V]", 'times = "Battery [V]" }'),
+    ],
+)
+def test_a_duty_cycle_is_drafted_times_the_voltage_of_its_supply_where_that_was_logged(
+    tmp_path: Path, cobot_joint: Callable[..., Done], column: str, top: float, supply: str, drafted_as: str
+) -> None:
+    """The battery's voltage was taken for the motor's, and the duty cycle stood in a comment."""
+    t = 0.01 * np.arange(SAMPLES)
+    log = {column: top * np.sin(t), supply: 48 - 2 * np.abs(np.sin(t)), "I [A]": np.ones(SAMPLES)}
+    lines = drafted(tmp_path, cobot_joint, "motor", log)
+    assert any(line.startswith(f'"{column}" = {{ to = "v_command", {drafted_as}') for line in lines), lines
+    assert not any(line.startswith(f'"{supply.split()[0]}') for line in lines), lines
+
+
 def test_what_a_loop_reads_already_is_not_offered_to_a_column(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:
     """A carriage's place, fed to its loop beside the motor's angle, was 0.1 m off in simulation."""
     t = 0.01 * np.arange(SAMPLES)

@@ -128,6 +128,7 @@ def _first_campaign(
     from cobot_joint.diagnosis.drafts.constant_speeds import as_table
     from cobot_joint.diagnosis.drafts.counted_speeds import in_counts
     from cobot_joint.diagnosis.drafts.current_drive import nominal_beside, percent_of_drive
+    from cobot_joint.diagnosis.drafts.duty_cycle import supplied
     from cobot_joint.diagnosis.drafts.more_guesses import guesses_of, with_only_place, with_rates
     from cobot_joint.diagnosis.drafts.starts import starts
     from cobot_joint.diagnosis.drafts.without_units import with_assumed_units
@@ -160,7 +161,8 @@ def _first_campaign(
     left = left_over(own, channels, guesses, offered)
     percent |= in_counts(channels, guesses, offered)
     beginnings = starts(own, guesses, [i.log.channels for i in found])
-    drafted = Columns(guesses, wanted, left, percent, unusable, nominal_beside(own, guesses), beginnings)
+    nominal = nominal_beside(own, guesses) | supplied(own, guesses, columns)
+    drafted = Columns(guesses, wanted, left, percent, unusable, nominal, beginnings)
     files = [Path(os.path.relpath(log, folder)).as_posix() for log in logs]
     entries = as_table(own, guesses, [i.log for i in found], Entry(files, given=given)) or one_each(files, given)
     title = logs[0].stem if len(logs) == 1 else logs[0].resolve().parent.name or logs[0].stem

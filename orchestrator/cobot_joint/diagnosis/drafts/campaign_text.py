@@ -82,6 +82,14 @@ class Rated:
 
 
 @dataclass(frozen=True)
+class Nominal:
+    """A parameter's value in place of the system's, and why."""
+
+    value: float
+    why: str
+
+
+@dataclass(frozen=True)
 class Columns:
     """What a log's columns are to a system, and which of its connectors have none."""
 
@@ -90,7 +98,7 @@ class Columns:
     left: Mapping[str, Sequence[str]] = field(default_factory=dict)  # column that is not used -> what it could be
     percent: Mapping[str, Rated] = field(default_factory=dict)  # column in % that is not used -> what it could be
     unusable: Mapping[str, str] = field(default_factory=dict)  # column -> why
-    nominal: Mapping[str, float] = field(default_factory=dict)  # `component.parameter` -> value that follows from them
+    nominal: Mapping[str, Nominal] = field(default_factory=dict)  # `component.parameter` -> what follows from them
     starts: Mapping[str, str] = field(default_factory=dict)  # `component.variable` -> its start, in words
 
 
@@ -309,8 +317,8 @@ def campaign_text(
     where it is only offered."""
     lines = [f"title = {_quoted(title)}", f"system = {_quoted(system)}", "", *_channels(columns)]
     if columns.nominal:
-        lines += ["", "[parameters]   # guess: a measured current is what flows, whatever the drive's loop does"]
-        lines += [f"{_quoted(name)} = {value:g}" for name, value in columns.nominal.items()]
+        lines += ["", "[parameters]"]
+        lines += [f"{_quoted(name)} = {n.value:g}   # guess: {n.why}" for name, n in columns.nominal.items()]
     if columns.starts:
         lines += ["", "[initial]   # guess: the simulation begins where the log does"]
         lines += [f"{_quoted(name)} = {_quoted(start)}" for name, start in columns.starts.items()]

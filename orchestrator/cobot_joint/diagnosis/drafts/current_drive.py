@@ -12,6 +12,7 @@ from cobot_joint.diagnosis.data.recording import Connector
 from cobot_joint.diagnosis.drafts.campaign_text import (
     PERCENT,
     Guess,
+    Nominal,
     Rated,
     converts,
     header_of,
@@ -124,13 +125,14 @@ def _value(motor: Component, parameter: str) -> float:
     return float(motor.parameters.get(parameter, motor.unit.variables[parameter].start) or 0.0)
 
 
-def nominal_beside(system: System, guesses: Sequence[Guess]) -> dict[str, float]:
+def nominal_beside(system: System, guesses: Sequence[Guess]) -> dict[str, Nominal]:
     """`component.parameter` -> nominal value of a drive whose measured current goes in: that is what flows, so its loop
     loses none of it to the back-EMF, which would act as an inertia of k^2/(R w_c). Nothing where that is so already."""
     commands = _commands(system)
     given = {g.connector for g in guesses if g.connector in commands and not is_command(g.column.name)}
     drives = [commands[name] for name in given]
-    return {f"{drive.name}.{FORWARD}": 1.0 for drive in drives if _value(drive, FORWARD) != 1.0}
+    all_of_it = Nominal(1.0, "a measured current is what flows, whatever the drive's loop does")
+    return {f"{drive.name}.{FORWARD}": all_of_it for drive in drives if _value(drive, FORWARD) != 1.0}
 
 
 def _commands(system: System) -> dict[str, Component]:

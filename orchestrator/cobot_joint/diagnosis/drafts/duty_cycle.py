@@ -10,7 +10,7 @@ import numpy as np
 
 from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.diagnosis.data.recording import Connector
-from cobot_joint.diagnosis.drafts.campaign_text import PERCENT, Guess, converts, header_of
+from cobot_joint.diagnosis.drafts.campaign_text import PERCENT, Guess, Nominal, converts, header_of
 from cobot_joint.system.model import System
 
 NAMED = {"pwm", "duty", "dutycycle"}
@@ -49,6 +49,19 @@ def with_duty_cycle(
         return [*guesses, Guess(column, connector.name, why, scale, times=supply)]
     why = f"by its name; {v_bus:g} V at {at} is assumed"
     return [*guesses, Guess(column, connector.name, why, f"{share * v_bus:.6g} V")]
+
+
+def supplied(system: System, guesses: Sequence[Guess], columns: Sequence[Channel]) -> dict[str, Nominal]:
+    """`component.parameter` -> the highest voltage of a supply that was logged, where that is beyond the system's."""
+    logged = {supply: c for c in columns if (supply := _supply(c))}
+    highest = [float(np.nanmax(logged[g.times].values)) for g in guesses if g.times in logged]
+    known = [c for c in system.components if SUPPLY in c.unit.variables]
+    if not highest or len(known) != 1:
+        return {}
+    (motor,) = known
+    own = float(motor.parameters.get(SUPPLY, motor.unit.variables[SUPPLY].start) or 0.0)
+    most = Nominal(float(f"{max(highest):.4g}"), "the highest voltage that its supply was logged at")
+    return {f"{motor.name}.{SUPPLY}": most} if 0 < own < max(highest) else {}
 
 
 def _supply(column: Channel) -> str:

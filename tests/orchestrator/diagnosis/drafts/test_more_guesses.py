@@ -105,8 +105,6 @@ def test_a_duty_cycle_is_drafted_times_the_voltage_of_its_supply_where_that_was_
     text = (tmp_path / "first/campaign.toml").read_text()
     said = "guess: the highest voltage that its supply was logged at"  # one of 24 V would hold the motor
     assert f'"motor.inverter.v_bus" = 48   # {said}' in text
-        '"motor.inverter.v_bus" = 48   # guess: the highest voltage that its supply was logged at' in text
-    )  # else a supply of 24 V would hold the motor
 
 
 def test_what_a_loop_reads_already_is_not_offered_to_a_column(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from cobot_joint.diagnosis.data.formats import Channel
-from cobot_joint.diagnosis.data.quantity import convert, is_unit
+from cobot_joint.diagnosis.data.quantity import convert, is_unit, split_header
 from cobot_joint.diagnosis.data.recording import Connector
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import System
@@ -220,7 +220,8 @@ def left_over(
 
     Those of a unit of which a guessed column shows something else come before others, where the names share a word:
     `knee_angle` beside `knee_speed`. What adds to an angle is an error of it, not an angle."""
-    used, taken = {g.column.name for g in guesses}, {g.connector for g in guesses}
+    used = {name for g in guesses for name in (g.column.name, split_header(g.times)[0])}
+    taken = {g.connector for g in guesses}
     free = [c for c in offered if c.name not in taken and c.unit and not is_error_of_angle(c)]
     whose = {connector: name.split(".")[0] for connector, name in shown_by(system).items()}
     owners = [(whose[g.connector], _own_words(g.column.name)) for g in guesses if g.connector in whose]

@@ -24,18 +24,22 @@ NEAR = 1e-3  # by which a count per turn may be off one of these: by chance one 
 SHARPER = 0.3  # times what central differences of the angle leave, that those since the sample before leave at most
 FEWEST = 10  # samples, of which that can be told
 COUNTED = re.compile(r"(?:^|_)(?:enc(?:oder)?|ticks?|counts?|cnts?|pulses?|inc(?:rement)?s?|inkremente)(?:_|$)", re.I)
+ELECTRICAL = re.compile(r"(?:^|_)e_?rpm(?:_|$)", re.I)
 RATES = {"rad/s": "rad", "m/s": "m"}  # units of speeds, and of their positions
 
 
 def in_counts(channels: Iterable[Channel], guesses: Sequence[Guess], offered: Iterable[Connector]) -> dict[str, Rated]:
     """Column of whole numbers without a unit whose name says that they were counted -> the first angle that it could
-    be: `enc_ticks`."""
+    be: `enc_ticks`; of a motor's electrical turns a minute, `erpm` -> the first speed."""
     used = {g.column.name for g in guesses} | {g.connector for g in guesses}
-    angle = next((c for c in offered if c.unit == "rad" and c.causality == "output" and c.name not in used), None)
-    free = [c for c in channels if c.unit in (None, "1") and c.name not in used and COUNTED.search(c.name)]
-    whole = [c for c in free if np.all(c.values[np.isfinite(c.values)] % 1 == 0)]
-    words = "what one count is: 6.283185 over the counts per turn, edges of both tracks counted"
-    return {header_of(c): Rated(angle, whole=words) for c in whole} if angle else {}
+    free = [c for c in channels if c.unit in (None, "1") and c.name not in used]
+    counted = [c for c in free if COUNTED.search(c.name) and np.all(c.values[np.isfinite(c.values)] % 1 == 0)]
+    electrical = [c for c in free if ELECTRICAL.search(c.name)]
+    ends = {c.unit: c for c in reversed(list(offered)) if c.causality == "output" and c.name not in used}
+    of_count = "what one count is: 6.283185 over the counts per turn, edges of both tracks counted"
+    of_turn = "what 1 is: 0.1047198 over the motor's pole pairs"
+    found = {header_of(c): Rated(ends["rad"], whole=of_count) for c in counted if "rad" in ends}
+    return found | {header_of(c): Rated(ends["rad/s"], whole=of_turn) for c in electrical if "rad/s" in ends}
 
 
 def with_counted_speeds(

@@ -67,6 +67,6 @@ def supplied(system: System, guesses: Sequence[Guess], columns: Sequence[Channel
 def _supply(column: Channel) -> str:
     """The header of a column that is named as a supply's voltage, and is in volts; "": it is none."""
     words = re.findall("[a-z]+", column.name.lower())
-    unit = column.unit or ("V" if words and words[-1] == "v" else None)
+    unit = column.unit or ("V" if {"voltage", "spannung"} & set(words) or words[-1:] == ["v"] else None)
     named = SUPPLIES & set(words) and unit is not None and converts(unit, "V")
     return header_of(replace(column, unit=unit)) if named else ""

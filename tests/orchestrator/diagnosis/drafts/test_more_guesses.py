@@ -88,7 +88,7 @@ def test_a_duty_cycle_is_drafted_as_the_voltage_that_nobody_logged(
 @pytest.mark.parametrize(
     ("column", "top", "supply", "drafted_as"),
     [
-        ("duty_cycle", 0.9, "input_voltage [V]", 'times = "input_voltage [V]" }'),
+        ("duty_cycle", 0.9, "input_voltage", 'times = "input_voltage [V]" }'),
         ("pwm", 255.0, "vbat_V", 'scale = "0.00392157", times = "vbat_V [V]" }'),
         ("PWM [%]", 80.0, "Battery [V]", 'times = "Battery [V]" }'),
     ],
@@ -232,3 +232,12 @@ def test_an_encoder_s_counts_are_drafted_as_an_angle_whose_counts_per_turn_are_t
     (line,) = (line for line in lines if "enc_ticks" in line)
     assert line.startswith('# "enc_ticks" = { to = "motor.phi", scale = "RATED rad" }   # not used: in place of RATED')
     assert "6.283185 over the counts per turn" in line
+
+
+def test_a_motor_s_electrical_speed_is_drafted_as_one_whose_pole_pairs_are_to_be_given(
+    tmp_path: Path, cobot_joint: Callable[..., Done]
+) -> None:
+    lines = drafted(tmp_path, cobot_joint, "motor", measured() | {"erpm": 7e3 * np.sin(0.01 * np.arange(SAMPLES))})
+    (line,) = (line for line in lines if "erpm" in line)
+    assert line.startswith('# "erpm" = { to = "w_motor", scale = "RATED rad/s" }   # not used: in place of RATED, ')
+    assert line.endswith("0.1047198 over the motor's pole pairs")

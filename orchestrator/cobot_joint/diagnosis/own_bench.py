@@ -260,7 +260,7 @@ def new(
     if chain:
         said = [*shaft_in_words(made, values), *mesh_in_words(made, values), *_supply(made, values)]
         console.print(*said, *kept_in_words(made, values), sep="", end="")
-    console.print(*_ringing(made), *_commanded(made, values), sep="", end="")
+    console.print(*_ringing(made), *_commanded(made, values), *_weightless(made), sep="", end="")
     (folder / "campaign.toml").write_text(_campaign(made.system, folder), encoding="utf-8")
     console.print(folder / "campaign.toml", soft_wrap=True)
 
@@ -307,6 +307,13 @@ def _commanded(made: Chain, given: Collection[str]) -> list[str]:
         return []
     current = "--set motor.drive.mode=current"
     return [f"the loop's output is taken for the motor's voltage; where it commands a current: {current}\n"]
+
+
+def _weightless(made: Chain) -> list[str]:
+    """Masses on a slope, or hanging from an angle, that weigh nothing: gravity is 0 unless it is given."""
+    light = [c for c in made.system.components if "gravity.g" in c.unit.variables and not c.parameters.get("gravity.g")]
+    sloped = [c.name for c in light if c.parameters.get("gravity.slope") or c.parameters.get("gravity.phi_0")]
+    return [f"{name} is weightless, though a slope is given: --set {name}.gravity.g=9.81\n" for name in sloped]
 
 
 def _ringing(made: Chain) -> list[str]:

@@ -70,3 +70,13 @@ def test_a_name_that_data_sheets_use_is_the_units_own(names: str, key: str, para
     component, _, name = parameter.partition(".")
     (found,) = [c for c in made.system.components if c.name == component]
     assert found.parameters[name] == 0.0125
+
+
+@pytest.mark.parametrize("given", [True, False])
+def test_a_hoist_without_gravity_is_said_to_be_weightless(cobot_joint: Callable[..., Done], given: bool) -> None:
+    """Gravity is 0 unless it is given, and a newcomer's hoist lifted nothing."""
+    sheet = ["--set", "load.m=12 kg", "--set", "load.lead=0.04", "--set", "load.gravity.slope=90 deg"]
+    more = ["--set", "load.gravity.g=9.81"] if given else []
+    done = cobot_joint("new", "--chain", "motor,gear,load", *sheet, *more, "--out", "hoist")
+    assert done.returncode == 0, done.stderr
+    assert ("load is weightless, though a slope is given: --set load.gravity.g=9.81" in done.stdout) != given

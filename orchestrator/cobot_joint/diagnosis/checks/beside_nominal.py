@@ -213,7 +213,11 @@ def _input_at_fault(
                 continue
             what = "its sign reversed" if factor < 0 else f"a factor of {factor:.5g}"
             side = " (a gear's ratio: it belongs to the other side of that gear)" if factor in gears else ""
-            remedy = "sign = -1" if factor < 0 else f"scale = {factor:.6g}, or what scale has times that,"
+            remedy = (
+                "sign = -1, or 1 where it is -1,"
+                if factor < 0
+                else f"scale = {factor:.6g}, or what scale has times that,"
+            )
             evidence = (
                 f"with {what}{side} every output fits the nominal system, as it is not (correlation {before:.2f}): "
                 f"{remedy} for {r.columns.get(name, name)!r}, or its unit; if it is right, {right}"

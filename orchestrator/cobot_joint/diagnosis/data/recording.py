@@ -60,9 +60,8 @@ class Recording:
     columns: dict[str, str] = field(default_factory=dict)  # connector -> column as recorded
     believed: set[str] = field(default_factory=set)  # connectors whose factor and sign somebody looked at
     held: set[str] = field(default_factory=set)  # inputs whose values hold until the next one comes
-    differences: dict[str, Literal["backward", "central"]] = field(
-        default_factory=dict
-    )  # outputs that are a position's
+    # outputs that were made of a position's samples: since the one before, or around each
+    differences: dict[str, Literal["backward", "central"]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     path: Path | None = None
     scatter: dict[str, float] = field(default_factory=dict)  # of a table: 1 sigma per output; time is no time then
@@ -187,7 +186,8 @@ def _held(
 def _differences(
     path: Path, connectors: Mapping[str, Connector], found: Mapping[str, tuple[Channel, str, Column]]
 ) -> dict[str, Literal["backward", "central"]]:
-    """Outputs that are, of which neighbours. UserError: an input is said to be, or a position."""
+    """Outputs that were made of a position's samples, and how. UserError: mean is given for an input, or beside
+    derivative."""
     for name, (_, header, column) in found.items():
         if column.mean and (connectors[name].causality == "input" or column.derivative):
             what = "derivative, too" if column.derivative else f"{name!r} is an input"

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from cobot_joint.diagnosis.data.formats import Channel
+from cobot_joint.diagnosis.data.quantity import convert, split_header
 from cobot_joint.diagnosis.data.recording import Connector
 from cobot_joint.diagnosis.drafts.campaign_text import PERCENT, Guess, Nominal, converts, header_of
 from cobot_joint.system.model import System
@@ -54,7 +55,11 @@ def with_duty_cycle(
 def supplied(system: System, guesses: Sequence[Guess], columns: Sequence[Channel]) -> dict[str, Nominal]:
     """`component.parameter` -> the highest voltage of a supply that was logged, where that is beyond the system's."""
     logged = {supply: c for c in columns if (supply := _supply(c))}
-    highest = [float(np.nanmax(logged[g.times].values)) for g in guesses if g.times in logged]
+    highest = [
+        float(np.nanmax(convert(logged[g.times].values, split_header(g.times)[1], "V", g.times)[0]))
+        for g in guesses
+        if g.times in logged
+    ]
     known = [c for c in system.components if SUPPLY in c.unit.variables]
     if not highest or len(known) != 1:
         return {}
@@ -68,5 +73,5 @@ def _supply(column: Channel) -> str:
     """The header of a column that is named as a supply's voltage, and is in volts; "": it is none."""
     words = re.findall("[a-z]+", column.name.lower())
     unit = column.unit or ("V" if {"voltage", "spannung"} & set(words) or words[-1:] == ["v"] else None)
-    named = SUPPLIES & set(words) and unit is not None and converts(unit, "V")
+    named = SUPPLIES & set(words) and unit is not None and converts(unit, "V") and np.isfinite(column.values).any()
     return header_of(replace(column, unit=unit)) if named else ""

@@ -90,7 +90,7 @@ def test_a_duty_cycle_is_drafted_as_the_voltage_that_nobody_logged(
     [
         ("duty_cycle", 0.9, "input_voltage", 'times = "input_voltage [V]" }'),
         ("pwm", 255.0, "vbat_V", 'scale = "0.00392157", times = "vbat_V [V]" }'),
-        ("PWM [%]", 80.0, "Battery [V]", 'times = "Battery [V]" }'),
+        ("PWM [%]", 80.0, "Battery [mV]", 'times = "Battery [mV]" }'),
     ],
 )
 def test_a_duty_cycle_is_drafted_times_the_voltage_of_its_supply_where_that_was_logged(
@@ -98,7 +98,8 @@ def test_a_duty_cycle_is_drafted_times_the_voltage_of_its_supply_where_that_was_
 ) -> None:
     """The battery's voltage was taken for the motor's, and the duty cycle stood in a comment."""
     t = 0.01 * np.arange(SAMPLES)
-    log = {column: top * np.sin(t), supply: 48 - 2 * np.abs(np.sin(t)), "I [A]": np.ones(SAMPLES)}
+    volts = 48 - 2 * np.abs(np.sin(t))
+    log = {column: top * np.sin(t), supply: 1e3 * volts if "mV" in supply else volts, "I [A]": np.ones(SAMPLES)}
     lines = drafted(tmp_path, cobot_joint, "motor", log)
     assert any(line.startswith(f'"{column}" = {{ to = "v_command", {drafted_as}') for line in lines), lines
     assert not any(line.startswith(f'"{supply.split()[0]}') for line in lines), lines

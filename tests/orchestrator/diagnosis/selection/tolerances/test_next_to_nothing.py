@@ -86,3 +86,20 @@ def test_a_formula_that_leaves_something_itself_is_not_the_answer_in_its_place_a
     assert problem.unexplained(something.residual)
     assert not found.gives_way(problem, base, formula(something))
     assert found.gives_way(problem, base, formula(nothing))
+
+
+@pytest.mark.parametrize(("parameters_do", "instead"), [(True, True), (False, False)])
+def test_of_what_parameters_do_as_well_one_term_has_to_leave_a_tenth_less_to_be_the_finding(
+    parameters_do: bool, instead: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A hoist's load, 30 % too heavy, took 43.4 million of 47.7, and a friction by direction, two numbers, 43.8."""
+    problem, base, best = heavy()
+    above = problem.above(best.residual)
+    explained = leaving((above / 1.08 + problem.samples) / best.chi2, best)
+    monkeypatch.setattr(outside, "_parameters_do", lambda *_: parameters_do)
+    monkeypatch.setattr(outside, "_beside", lambda *_: None)
+    one = [Selected("axis.asymmetry", base.cost - explained.cost)]
+    with one_blas_thread():
+        found = look_outside(problem, base, explained, one, lambda fit: Selection([base, fit]), lambda words: None)
+    assert isinstance(found, Outside) == instead
+    assert found is None or found.alike[0] == "axis.asymmetry"

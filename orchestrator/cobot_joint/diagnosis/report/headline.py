@@ -71,11 +71,20 @@ def verdict_sentence(d: Json, terms: Mapping[str, TermText]) -> str:
         nearest = " and ".join(_said(f, terms) for f in listed_first)
         cut = "Time was up before everything was tried, so that nothing is claimed" if d.get("left_out") else ""
         return f"{cut or 'No effect reaches 50 % confidence'}; the closest is {nearest}{tail}."
-    lacks = [_said(f, terms) for f in listed_first if f not in outside]
-    parts = [f"The model lacks {' and '.join(lacks)}"] * bool(lacks)
-    for f in outside:
-        parts.append(f"{_parameter(f)} is outside its tolerance ({percent(f.get('confidence'))} sure)")
-    return f"{', and '.join(parts)}{tail}."
+    return f"{_claimed([f for f in listed_first if f not in outside], outside, terms)}{tail}."
+
+
+def _claimed(lacking: Sequence[Json], outside: Sequence[Json], terms: Mapping[str, TermText]) -> str:
+    """Claims, what the model lacks first unless a parameter is surer than all of it."""
+    outside = sorted(outside, key=lambda f: -f["confidence"])
+    parts = [f"{_parameter(f)} is outside its tolerance ({percent(f['confidence'])} sure)" for f in outside]
+    if not lacking:
+        return ", and ".join(parts)
+    lacks = f"the model lacks {' and '.join(_said(f, terms) for f in lacking)}"
+    surest = max(f["confidence"] for f in lacking)
+    first = sum(f["confidence"] > surest for f in outside)
+    said = ", and ".join([*parts[:first], lacks, *parts[first:]])
+    return said if first else said.replace("the", "The", 1)
 
 
 def _said(f: Json, terms: Mapping[str, TermText]) -> str:

@@ -108,6 +108,7 @@ STRIBECK = "Stribeck friction in planetary_gear or motor_bldc"
             [PARAMETER],
             "body.J of load is outside its tolerance (97 % sure); a value that fits removes 100",
         ),
+        ("explained", [FINDING | {"confidence": 0.7}, PARAMETER], "(97 % sure), and the model lacks Stribeck friction"),
         (
             "explained",
             [PARAMETER | {"equivalent": ["gear.body.J", "motor.rotor.J"]}],

@@ -106,7 +106,7 @@ STRIBECK = "Stribeck friction in planetary_gear or motor_bldc"
         (
             "explained",
             [PARAMETER],
-            "body.J of load is outside its tolerance (97 % sure); a value that fits removes 100",
+            "body.J of load is outside its tolerance (97 % sure); a value that fits removes",
         ),
         ("explained", [FINDING | {"confidence": 0.7}, PARAMETER], "(97 % sure), and the model lacks Stribeck friction"),
         (

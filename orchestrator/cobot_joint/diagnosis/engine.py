@@ -219,7 +219,7 @@ def _searched(
     )
     if isinstance(outside, Selection):
         return _found_beside_it(problem, found, outside)
-    if outside is None or (found.unmodelled and outside.gives_way(problem, found.calibrated, found.unmodelled)):
+    if outside is None or (found.unmodelled and outside.gives_way(problem, found.unmodelled)):
         return found
     if (formula := found.gave_way) and _alone_explains(problem, found.calibrated, formula, outside):
         return Explanation(found.calibrated, formula.fit, found.selection, formula.selected, formula)

@@ -65,17 +65,14 @@ def run_beside(
         raise SimulationError(f"{simulation.system.name} ends at {result.time[-1]:.6g} s of {time[-1]:.6g} s")
     found = {name: np.asarray(result.signals[name]) for name in record}
     for name, (place, times) in places.items():
-        found[name] = times * _rate(result.signals[place], recording.step, recording.differences[name], found[name])
+        rate = differences(result.signals[place], recording.step, recording.differences[name])
+        found[name] = np.where(np.isnan(rate), found[name], times * rate)
     return found
 
 
-def _rate(
-    place: NDArray[np.float64], step: float, how: Literal["backward", "central"], w: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """A speed as it is made from a position's samples, (n,); the first, before which there is none, is as it is."""
-    if how == "central":
-        return np.gradient(place, step)
-    return np.append(w[:1], np.diff(place) / step)
+def differences(place: NDArray[np.float64], step: float, how: Literal["backward", "central"]) -> NDArray[np.float64]:
+    """A speed as it is made of a position's samples, (n,); NaN before which there is none."""
+    return np.gradient(place, step) if how == "central" else np.append(np.nan, np.diff(place) / step)
 
 
 def setting_in(

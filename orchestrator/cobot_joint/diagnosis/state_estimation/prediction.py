@@ -20,13 +20,15 @@ from cobot_joint.diagnosis.data.quantity import is_position
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.at_once import at_once
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
+from cobot_joint.diagnosis.plant.simulator import differences
 from cobot_joint.diagnosis.state_estimation.estimator import StateEstimator
 from cobot_joint.diagnosis.state_estimation.latents import structure, with_sizes
 from cobot_joint.diagnosis.state_estimation.native.restart import LostError
 from cobot_joint.diagnosis.state_estimation.noise import ChannelNoise
-from cobot_joint.diagnosis.state_estimation.sampled import SampledSystem
+from cobot_joint.diagnosis.state_estimation.sampled import Piece, SampledSystem
 from cobot_joint.diagnosis.state_estimation.states import states_of
 from cobot_joint.system.model import System, Value
+from cobot_joint.system.shafts import position_behind
 
 Array = NDArray[np.float64]
 HORIZON = 0.2  # s
@@ -54,7 +56,6 @@ def predicted_figures(
     Of a recording in which a filter loses its way the free run from its beginning counts, of all variants, and "free"
     lists it.
     """
-    recordings = [recording.centred() for recording in recordings]
     channels = dict.fromkeys(channel for r in recordings for channel in r.outputs)
     if any(states_of(system) is None for v in variants.values() for system in v.systems.values()):
         return dict.fromkeys(channels)
@@ -126,16 +127,26 @@ def predict(
                     if first:  # else it is where the run begins
                         z = tracked.reference[first] + tracked.filtered.predicted[first]
                         x[estimator.followed] = z[estimator.x]
-                    y[first:end] = runs.run(x, slice(first, end)).y
+                    y[first:end] = _as_recorded(sampled, recording, runs.run(x, slice(first, end)))
         except LostError:
             for first, end in parts:
                 y[first:end] = np.inf
-        free = np.where(np.isnan(y), np.nan, whole.y)
+        free = np.where(np.isnan(y), np.nan, _as_recorded(sampled, recording, whole))
         channels = list(enumerate(sampled.channels))
         for j, name in channels:
             if is_position(recording.units.get(name)):
                 free[:, j] -= _off_at_begin(free[:, j] - recording.outputs[name], parts)
         return Predicted({name: y[:, j] for j, name in channels}, {name: free[:, j] for j, name in channels})
+
+
+def _as_recorded(sampled: SampledSystem, recording: Recording, piece: Piece) -> Array:
+    """(n, channels): those that were made of a position's samples from the piece's own; NaN where that begins."""
+    y = piece.y.copy()
+    for j, name in enumerate(sampled.channels):
+        place, times = position_behind(sampled.system, name) or ("", 1.0)
+        if name in recording.differences and place in piece.signals:
+            y[:, j] = times * differences(piece.signals[place], recording.step, recording.differences[name])
+    return y
 
 
 def _off_at_begin(off: Array, parts: Sequence[tuple[int, int]]) -> Array:

@@ -21,6 +21,7 @@ from cobot_joint.diagnosis.explanation import beyond_the_list as beyond
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Feature, Finding, Form
 from cobot_joint.diagnosis.plant.correction import Factor, Product
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
+from cobot_joint.diagnosis.selection.tolerances import outside
 from cobot_joint.diagnosis.selection.tolerances.outside import Outside
 from cobot_joint.diagnosis.selection.unlisted.together import Pair
 from cobot_joint.diagnosis.selection.unlisted.unmodelled import Unmodelled
@@ -206,7 +207,7 @@ def test_a_formula_that_leaves_less_gives_way_to_a_parameter_outside_its_toleran
     monkeypatch.setattr(beyond, "look_for_unmodelled", lambda problem, fit, *_: Unmodelled(fit, [], finding, 0.9))
     monkeypatch.setattr(engine, "look_outside", damping_outside)
     monkeypatch.setattr(engine, "look_beside_parameter", lambda *_: None)
-    monkeypatch.setattr(engine, "remains", lambda *_: [10.0, 1.0])
+    monkeypatch.setattr(outside, "remains", lambda *_: [10.0, 1.0])
     monkeypatch.setattr(Unmodelled, "outdoes", lambda self, problem, other: False)
     monkeypatch.setattr(Outside, "confidence", lambda self, problem: sure)
     assert [f.term for f in diagnose_plant(drifting(), Axis()).findings] == [named]

@@ -9,16 +9,9 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from cobot_joint.diagnosis.data.recording import Column, Connector, read_recording
+from cobot_joint.diagnosis.data.recording import Column, read_recording
 from cobot_joint.errors import UserError
-
-CONNECTORS = {
-    "v": Connector("v", "input", "V"),
-    "w": Connector("w", "output", "rad/s"),
-    "i": Connector("i", "output", "A"),
-}
-T = np.arange(1000) * 1e-3
-SIGNALS = {"v [V]": 2 * T, "w [rad/s]": 100 * np.sin(5 * T), "i [A]": np.cos(5 * T)}
+from tests.orchestrator.diagnosis.data.test_recording import CONNECTORS, SIGNALS, T
 
 
 def test_a_set_value_that_is_held_keeps_its_samples_and_says_so(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from cobot_joint.system.model import Component, System
 
 RATIO, MODE = "ratio.N", "ratio.from"  # of a gear, phi = N phi_o; where it comes from, 1: that value
 RATES = {"phi": "w", "phi_o": "w_o", "phi_p": "w_p", "s": "v"}  # of a unit's positions
+BASE = {("rad", "rad/s"), ("m", "m/s")}  # units of a position and its rate, without a factor between them
 LEAD = "body.lead"  # of a screw, s = lead phi
 
 
@@ -36,13 +37,14 @@ def turning_with(system: System, place: str) -> dict[str, float]:
 
 def position_behind(system: System, name: str) -> tuple[str, float] | None:
     """The position, `component.variable`, whose rate an output or `component.variable` is, and how many times it. None:
-    its unit shows none."""
+    its unit shows none, or not in rad and rad/s, or m and m/s."""
     wire = next((w for w in system.connections if w.sink_component is None and w.sink == name), None)
     place, factor = (f"{wire.source_component}.{wire.source}", wire.factor) if wire else (name, 1.0)
     own, _, variable = place.partition(".")
     position = next((p for p, rate in RATES.items() if rate == variable), None)
-    there = [c for c in system.components if c.name == own and {position, variable} <= c.unit.variables.keys()]
-    return (f"{own}.{position}", factor) if there else None
+    there = [c.unit for c in system.components if c.name == own and {position, variable} <= c.unit.variables.keys()]
+    known = position and any((u.unit_of(position), u.unit_of(variable)) in BASE for u in there)
+    return (f"{own}.{position}", factor) if known else None
 
 
 def _wires(system: System) -> Iterator[Link]:

@@ -53,6 +53,7 @@ def read_table(
         inputs={name: _held(rows[name], len(time)) for name in inputs},
         outputs={name: _at_the_ends(rows[name], len(time)) for name in outputs},
         scatter={name: _noise(runs, reading.table, [rows[n] for n in inputs], rows[name], name) for name in outputs},
+        differences={},  # a row is a steady state
         units={name: unit for r in runs for name, unit in r.units.items()},
         notes=said_once([(r.path.name if r.path else r.name, r.notes) for r in runs]),
         path=files[0],

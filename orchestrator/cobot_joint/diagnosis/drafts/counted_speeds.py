@@ -20,7 +20,7 @@ from cobot_joint.system.shafts import position_behind
 
 MANTISSAS = (1.0, 1.2, 1.25, 1.44, 1.5, 1.8, 2.0, 2.4, 2.5, 3.0, 3.6, 4.0, 5.0, 6.0, 7.2, 8.0)  # of encoders' counts
 COUNTS = sorted([*(2.0**k for k in range(5, 25)), *(m * 10.0**k for k in range(1, 7) for m in MANTISSAS)])
-NEAR = 1e-3  # by which a count per turn may be off one of these: by chance one speed in thirty has such a step
+NEAR = 1e-3  # by which a count per turn may be off one of these: by chance one speed in sixty has such a step
 SHARPER = 0.3  # times what central differences of the angle leave, that those since the sample before leave at most
 FEWEST = 10  # samples, of which that can be told
 COUNTED = re.compile(r"(?:^|_)(?:enc(?:oder)?|ticks?|counts?|cnts?|pulses?|inc(?:rement)?s?|inkremente)(?:_|$)", re.I)

@@ -12,6 +12,8 @@ from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.simulator import Simulator, summed
 from cobot_joint.system.read import load_system
+from cobot_joint.system.shafts import position_behind
+from cobot_joint.units import Unit
 
 LATE = {"motor_bldc.cogging.A": 3e-3, "motor_bldc.viscous_warmup.fade": 0.5}
 ONSETS = {"motor_bldc.cogging.A": 0.4}
@@ -59,6 +61,14 @@ def test_a_speed_that_was_made_of_a_position_is_simulated_as_one(how: Literal["b
     expected = np.gradient(phi, 0.01) if how == "central" else np.diff(phi, prepend=phi[0]) / 0.01
     np.testing.assert_allclose(found["w_motor"], expected, atol=1e-9)
     assert np.abs(found["w_motor"] - instant).max() > 2.0
+
+
+def test_a_position_in_degrees_is_not_what_a_speed_in_radians_is_the_rate_of(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A unit of others may call an angle phi and have it in whatever it likes."""
+    system = load_system("joint_no_load")
+    assert position_behind(system, "w_motor") == ("motor_bldc.phi", 1.0)
+    monkeypatch.setattr(Unit, "unit_of", lambda self, name: {"phi": "deg", "w": "rad/s"}.get(name))
+    assert position_behind(system, "w_motor") is None
 
 
 def test_what_is_added_at_a_recorded_input_does_not_replace_it() -> None:

@@ -20,9 +20,14 @@ from cobot_joint.errors import UserError
 SAMPLE = 400  # lines from which the layout is guessed
 LONGEST_LINE = 100_000  # characters
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)", re.IGNORECASE)
-STAMP = re.compile(r"\d{4}-\d\d-\d\d[ T]\d\d:\d\d.*")
+# a time of day, the date before it in any order: 2024-01-31T12:00:00.5Z, 31.01.2024 12:00:00,5, 1/31/2024 2:00:00 PM
+STAMP = re.compile(
+    r"(?:\d{1,4}[-./]\d{1,2}[-./]\d{2,4}(?:[ T]|, ?))?(?P<hour>\d{1,2}):(?P<minute>\d\d)(?::(?P<second>\d\d(?:[.,:]\d+)?))?"
+    r"(?: ?(?P<half>[AaPp])\.?[Mm]\.?)?(?: ?(?:Z|UTC|GMT|[+-]\d\d:?(?:\d\d)?))?"
+)
 STAMP_WITH_COMMA = re.compile(r"(\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d),(?=\d)")
-CLOCK = re.compile(r"\d{1,2}:\d\d|\d{1,2}[./]\d{1,2}[./]\d{2,4}")  # of the day, a date: as no number is written
+CLOCK = re.compile(r"\d{1,2}:\d\d|\d{1,2}[./]\d{1,2}[./]\d{2,4}")  # begins as one, or as a date
+DAY = 86400.0  # s
 SEPARATORS = (";", "\t", ",", "|", " ")
 NAMES = {"tab": "\t", "space": " ", "blank": " "}
 NULLS = ["", "nan", "NaN", "NAN", "-nan", "-NaN", "null", "NULL", "NA", "N/A", "#N/A", "n/a"]
@@ -148,6 +153,30 @@ def _without_end(rows: list[list[str]]) -> list[list[str]]:
     return [row[:-1] if len(row) > 1 and not row[-1] else row for row in rows]
 
 
+def seconds_of_day(cells: Sequence[str | None]) -> list[float] | None:
+    """Of stamps, NaN where a cell is empty; a day later where they begin anew. None: one cell is no stamp.
+
+    Days are counted by midnights alone: whether 01/02 is in January, the steps of a log are the same.
+    """
+    found, days, before = list[float](), 0.0, 0.0
+    for cell in cells:
+        stamp = STAMP.fullmatch(cell.strip()) if cell else None
+        if cell and cell.strip() and stamp is None:
+            return None
+        if stamp is None:
+            found.append(float("nan"))
+            continue
+        hour = int(stamp["hour"])
+        if stamp["half"]:
+            hour = hour % 12 + (12 if stamp["half"] in "Pp" else 0)
+        second = re.sub("[,:]", ".", stamp["second"] or "0")
+        of_day = 3600.0 * hour + 60.0 * int(stamp["minute"]) + float(second)
+        days += DAY if of_day < before - DAY / 2 else 0.0
+        before = of_day
+        found.append(days + of_day)
+    return found
+
+
 def _number(cell: str) -> bool:
     return bool(NUMBER.fullmatch(cell) or STAMP.fullmatch(cell))
 
@@ -215,8 +244,9 @@ def _decimal(path: Path, rows: Sequence[Sequence[str]], separator: str, text: st
     cells = [cell for row in rows for cell in row if NUMBER.fullmatch(cell)]
     commas, points = sum("," in c for c in cells), sum("." in c for c in cells)
     if not commas and not points and separator != ",":
-        commas, points = (len(re.findall(rf"\d\{sign}\d", text)) for sign in ",.")
-        points = 0 if commas > points else points  # of dates, of names
+        numbers = STAMP.sub("", text)
+        commas, points = (len(re.findall(rf"\d\{sign}\d", numbers)) for sign in ",.")
+        points = 0 if commas > points else points  # of names
     if not commas:
         return "."
     if points:

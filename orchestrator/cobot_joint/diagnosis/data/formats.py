@@ -15,7 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet
 from numpy.typing import NDArray
 
-from cobot_joint.diagnosis.data.delimited import Layout, read_delimited
+from cobot_joint.diagnosis.data.delimited import Layout, read_delimited, seconds_of_day
 from cobot_joint.diagnosis.data.nested import matlab_hdf5, ros2_bag
 from cobot_joint.diagnosis.data.quantity import convert, duration, is_duration, split_header, without_parentheses
 from cobot_joint.errors import UserError, among
@@ -84,6 +84,7 @@ class Raw:
 
     header: str
     values: NDArray[np.float64] | str  # or why it is none
+    is_stamps: bool = False  # dates or times of day, in s
 
     def __post_init__(self) -> None:
         self.name, self.unit = split_header(self.header)
@@ -129,28 +130,42 @@ def _parquet(path: Path, time: str | None, layout: Layout, table: bool) -> Log:
     for header, data, kind in zip(content.column_names, content.columns, content.schema, strict=True):
         about: dict[bytes, bytes] = {key.lower(): value for key, value in dict(kind.metadata or {}).items()}
         unit = next((about[key].decode(errors="replace") for key in (b"unit", b"units") if key in about), None)
-        raw.append(Raw(f"{header} [{unit}]" if unit and split_header(header)[1] is None else header, _arrow(data)))
+        raw.append(_raw(f"{header} [{unit}]" if unit and split_header(header)[1] is None else header, data))
     return _log(path, raw, time, table)
 
 
 def _text(path: Path, time: str | None, layout: Layout, table: bool) -> Log:
     content = read_delimited(path, layout)
-    raw = [
-        Raw(header, _arrow(data, content.first_line))
-        for header, data in zip(content.headers, content.columns, strict=True)
-    ]
+    columns = zip(content.headers, content.columns, strict=True)
+    raw = [_raw(header, data, content.first_line) for header, data in columns]
     return _log(path, raw, time, table, content.first_line, content.notes)
 
 
-def _arrow(column: pa.ChunkedArray, first_line: int | None = None) -> NDArray[np.float64] | str:
-    """Numbers, or seconds from the first of absolute time stamps; else why not, with place and value."""
+def _raw(header: str, data: pa.ChunkedArray, first_line: int | None = None) -> Raw:
+    stamps = _stamps(data)
+    return Raw(header, _arrow(data, first_line)) if stamps is None else Raw(header, stamps, is_stamps=True)
+
+
+def _stamps(column: pa.ChunkedArray) -> NDArray[np.float64] | None:
+    """Seconds from the first of dates, times of day or both. None: the column holds something else."""
     kind = column.type
-    if pa.types.is_timestamp(kind) or pa.types.is_date(kind) or pa.types.is_time(kind):
-        stamps = column.cast(pa.time64("ns") if pa.types.is_time(kind) else pa.timestamp("ns")).cast(pa.int64())
+    if pa.types.is_timestamp(kind) or pa.types.is_date(kind):
+        stamps = column.cast(pa.timestamp("ns")).cast(pa.int64())
         values = stamps.to_numpy(zero_copy_only=False)
         known = [v for v in values[:1000] if v == v]
         whole = np.ma.masked_invalid(values.astype(float)) if values.dtype.kind == "f" else values
         return np.asarray((whole - (known[0] if known else 0)) * 1e-9, dtype=float)
+    if pa.types.is_time(kind):
+        column = column.cast(pa.string())
+    if not pa.types.is_string(column.type) or not column.null_count < len(column):
+        return None
+    seconds = seconds_of_day(column.to_pylist())
+    return None if seconds is None else np.array(seconds) - next(s for s in seconds if s == s)
+
+
+def _arrow(column: pa.ChunkedArray, first_line: int | None = None) -> NDArray[np.float64] | str:
+    """Numbers; else why not, with place and value."""
+    kind = column.type
     if pa.types.is_integer(kind):  # of an epoch in ns a double knows no microseconds
         values = column.to_numpy(zero_copy_only=False)
         if values.dtype.kind in "iu" and len(values) and float(values.max()) > 2**53:
@@ -256,29 +271,35 @@ def _log(
     if step is not None:
         clock, stamps = None, np.arange(max((len(c.values) for c in usable.values()), default=0)) * step
     else:
-        likely = [c.name for c in raw if c.unit and is_duration(c.unit)] or _rising(usable)
-        clock = _clock_name(path, [c.name for c in raw], likely, time)
+        clock = _clock_name(path, [c.name for c in raw], _likely(usable), time)
         if clock in unusable:
             raise UserError(f"{path}: the clock {clock!r} {unusable[clock]}")
         stamps = _seconds(path, usable.pop(clock), time)
     for name, column in list(usable.items()):
-        if len(column.values) != len(stamps):
+        if column.is_stamps:
+            unusable[name] = "holds dates or times of day and is not the clock"
+            del usable[name]
+        elif len(column.values) != len(stamps):
             unusable[name] = f"has {len(column.values)} samples, its clock {clock!r} has {len(stamps)}"
             del usable[name]
     channels = [Channel(c.name, c.unit, stamps, c.values) for c in usable.values()]  # type: ignore[arg-type]
     return Log(path, channels, unusable, clock, first_line, notes or [])
 
 
-def _rising(columns: Mapping[str, Raw]) -> list[str]:
-    """Those that have a word for time in their name (`stamp_s`) and never fall, or its unit (`ms_today`) and rise."""
+def _likely(columns: Mapping[str, Raw]) -> list[str]:
+    """Those that could be the clock, by the first of these that any has: stamps that rise; a unit of time; a word for
+    time in the name (`stamp_s`), never falling; its unit as the name (`ms_today`), rising."""
 
-    def rises(values: NDArray[np.float64] | str, least: float) -> bool:
+    def rises(name: str, least: float = float(np.finfo(float).tiny)) -> bool:
+        values = columns[name].values
         return not isinstance(values, str) and len(values) > 1 and bool(np.all(np.diff(values) >= least))
 
     words = {name: re.split(r"[^a-z]+", name.lower()) for name in columns}
-    named = [name for name in columns if TIME_WORDS & {*words[name]} and rises(columns[name].values, 0.0)]
-    counted = [name for name in columns if words[name][0] in NAMED_BY_UNIT and name not in named]
-    return named or [name for name in counted if rises(columns[name].values, float(np.finfo(float).tiny))]
+    stamps = [name for name, c in columns.items() if c.is_stamps and rises(name)]
+    timed = [name for name, c in columns.items() if c.unit and is_duration(c.unit)]
+    named = [name for name in columns if TIME_WORDS & {*words[name]} and rises(name, 0.0)]
+    counted = [name for name in columns if words[name][0] in NAMED_BY_UNIT and rises(name)]
+    return stamps or timed or named or counted or [n for n, c in columns.items() if c.is_stamps and rises(n, 0.0)]
 
 
 def _clock_name(path: Path, names: list[str], likely: list[str], time: str | None) -> str:
@@ -306,6 +327,8 @@ def _clock_name(path: Path, names: list[str], likely: list[str], time: str | Non
 
 
 def _seconds(path: Path, clock: Raw, time: str | None) -> NDArray[np.float64]:
+    if clock.is_stamps:
+        return np.asarray(clock.values, dtype=float)
     stated = split_header(time)[1] if time else None
     named = re.search(f"[_ ]({'|'.join(TIME_UNITS)})$", clock.name.lower())
     counted = NAMED_BY_UNIT.get(re.split(r"[^a-z]+", clock.name.lower())[0])

@@ -79,9 +79,50 @@ def test_time_stamps_may_have_a_decimal_comma_and_a_clock_that_is_none_is_told(t
     (tmp_path / "a.csv").write_text("t;w\n" + "\n".join(f"2024-01-01 12:00:00,{k:03d};{k}" for k in range(50)))
     (channel,) = read_log(tmp_path / "a.csv").channels
     assert np.allclose(channel.time - channel.time[0], 1e-3 * np.arange(50))
-    (tmp_path / "a.csv").write_text("t;w\n" + "\n".join(f"12:00:{k};wait" for k in range(10, 60)))
-    with pytest.raises(UserError, match=r"'12:00:34;wait' is no time: seconds or 2024-01-31 12:00:00\.5 are read"):
+    (tmp_path / "a.csv").write_text("t;w\n" + "\n".join(f"12:00:{k}h;wait" for k in range(10, 60)))
+    with pytest.raises(UserError, match=r"'12:00:34h;wait' is no time: seconds or 2024-01-31 12:00:00\.5 are read"):
         read_log(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize(
+    "stamp",
+    [
+        "2024-05-01T{h:02d}:{m:02d}:{s:06.3f}Z",
+        "2024-05-01 {h:02d}:{m:02d}:{s:06.3f}+02:00",
+        "01.05.2024 {h:02d}:{m:02d}:{s:06.3f}",
+        "5/1/2024 {h}:{m:02d}:{s:06.3f}",
+        "{h:02d}:{m:02d}:{s:06.3f}",
+        "{h:02d}:{m:02d}:{s:02.0f}",
+    ],
+)
+def test_a_column_of_dates_and_times_of_day_is_the_clock_whatever_its_name(stamp: str, tmp_path: Path) -> None:
+    """Four an hour of a wheel, logged as `UTC`, were taken for a table of steady states."""
+    hours = [(9 + (59 * 60 + k) // 3600, (59 * 60 + k) // 60 % 60, k % 60) for k in range(100)]
+    rows = [f"{stamp.format(h=h, m=m, s=s)},0.1,{k}" for k, (h, m, s) in enumerate(hours)]
+    (tmp_path / "a.csv").write_text("\n".join(["UTC,cycle_time,w", *rows]))
+    log = read_log(tmp_path / "a.csv")
+    assert log.clock == "UTC"
+    assert log.names == ["cycle_time", "w"]
+    assert np.allclose(log.channels[0].time, np.arange(100.0))
+
+
+def test_a_clock_goes_on_past_midnight_and_noon_and_with_a_decimal_comma(tmp_path: Path) -> None:
+    for begins, form in ((86390, "%d:%02d:%02d,50"), (43190, "31.12.2023 %d:%02d:%02d,50 PM")):
+        day = [(begins + k) % 86400 for k in range(50)]
+        times = [form % (d // 3600, d // 60 % 60, d % 60) for d in day]
+        if "PM" in form:
+            times = [form.replace("PM", "AM" if d < 43200 else "PM") % ((d // 3600 - 1) % 12 + 1, d // 60 % 60, d % 60)
+                     for d in day]  # fmt: skip
+        (tmp_path / "a.csv").write_text("\n".join(["Uhr;w", *(f"{t};{k}" for k, t in enumerate(times))]))
+        (channel,) = read_log(tmp_path / "a.csv").channels
+        assert np.allclose(channel.time, np.arange(50.0))
+
+
+def test_a_date_beside_the_clock_is_no_channel(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("Date,Time,w\n" + "\n".join(f"2024-05-01,12:00:{k},{k}" for k in range(10, 60)))
+    log = read_log(tmp_path / "a.csv")
+    assert (log.clock, log.names) == ("Time", ["w"])
+    assert log.unusable == {"Date": "holds dates or times of day and is not the clock"}
 
 
 def test_numbers_of_whole_nanoseconds_since_1970_are_read(tmp_path: Path) -> None:

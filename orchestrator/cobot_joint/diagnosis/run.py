@@ -15,7 +15,8 @@ from cobot_joint.diagnosis.archive import save
 from cobot_joint.diagnosis.basis import of_campaign
 from cobot_joint.diagnosis.budget import Budget
 from cobot_joint.diagnosis.data.campaign import Campaign
-from cobot_joint.diagnosis.data.conditioning import ChannelQuality, condition
+from cobot_joint.diagnosis.data.conditioning import ChannelQuality
+from cobot_joint.diagnosis.data.recording import condition
 from cobot_joint.diagnosis.estimation.problem import one_blas_thread
 from cobot_joint.diagnosis.findings import Diagnosis
 from cobot_joint.diagnosis.provenance import components, provenance

@@ -47,6 +47,21 @@ def position_behind(system: System, name: str) -> tuple[str, float] | None:
     return (f"{own}.{position}", factor) if known else None
 
 
+def speeds_with(system: System, name: str) -> dict[str, float]:
+    """States, `component.variable`, that are speeds of shafts which turn with an output or `component.variable` that is
+    one -> how many times it. Empty: it is no speed."""
+    behind = position_behind(system, name)
+    units = {c.name: c.unit for c in system.components}
+    found = {}
+    for position, times in turning_with(system, behind[0]).items() if behind else ():
+        component, _, variable = position.partition(".")
+        rate = RATES.get(variable)
+        state = next((s for s in (rate, f"x_{rate}") if s in units[component].states), None)
+        if state and behind:
+            found[f"{component}.{state}"] = times / behind[1]
+    return found
+
+
 def _wires(system: System) -> Iterator[Link]:
     for w in system.connections:
         if w.source_component is None or w.sink_component is None or w.factor == 0 or w.offset != 0:

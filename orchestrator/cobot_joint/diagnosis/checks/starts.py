@@ -1,4 +1,4 @@
-"""Positions that begin elsewhere in a recording than in the simulation, where the campaign says nothing of it."""
+"""Positions and speeds that begin elsewhere in a recording than in the simulation, and no campaign says so."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ import numpy as np
 
 from cobot_joint.diagnosis.checks.beside_nominal import Simulate
 from cobot_joint.diagnosis.data.conditioning import begins_apart
+from cobot_joint.diagnosis.data.parameters import first_sample
 from cobot_joint.diagnosis.data.quantity import is_position
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.data.suspicion import Suspicion
 from cobot_joint.system.model import System
+from cobot_joint.system.shafts import speeds_with
 from cobot_joint.system.wiring import shown_by
 
 FIRST = 3  # samples that are simulated
@@ -25,22 +27,28 @@ def begin_elsewhere(
     told: set[str] = set()
     for r in recordings:
         shown = shown_by(systems[r.setup])
-        free = [n for n in r.outputs if is_position(r.units.get(n)) and n not in told]
-        free = [n for n in free if not {n, shown.get(n, n)} & r.initial.keys()]
+        free = {n: states for n in r.outputs if n not in told and (states := _states(systems[r.setup], n, r.units))}
+        free = {n: states for n, states in free.items() if not {n, shown.get(n, n), *states} & r.initial.keys()}
         if not free:
             continue
         simulated = simulate(_first(r))
-        for name in free:
+        for name, states in free.items():
             there = float(np.asarray(simulated.get(name, [np.nan]))[0])
             begins = begins_apart(r.outputs[name], there)
-            if begins is not None:
-                told.add(name)
-                words = f"it begins at {begins:.4g} {r.units[name]} and the simulation at {there:.4g}: if so, "
-                remedy = f'[initial] "{shown.get(name, name)}" = "first sample of {name}"'
-                zero = (
-                    f'; if only its zero lies elsewhere, offset = "{there - begins:.6g} {r.units[name]}" in [channels]'
-                )
-                yield Suspicion(r.name, name, "start", words + remedy + zero)
+            if begins is None:
+                continue
+            told.add(name)
+            words = f"it begins at {begins:.4g} {r.units[name]} and the simulation at {there:.4g}: if so, "
+            remedy = ", ".join(f'"{state}" = "{first_sample(name, times)}"' for state, times in states.items())
+            zero = f'; if only its zero lies elsewhere, offset = "{there - begins:.6g} {r.units[name]}" in [channels]'
+            yield Suspicion(r.name, name, "start", f"{words}[initial] {remedy}{zero}")
+
+
+def _states(system: System, name: str, units: Mapping[str, str]) -> dict[str, float]:
+    """What says where an output begins -> how many times it: a position itself, of a speed all that turns with it."""
+    if is_position(units.get(name)):
+        return {shown_by(system).get(name, name): 1.0}
+    return speeds_with(system, name)
 
 
 def _first(r: Recording) -> Recording:

@@ -11,9 +11,9 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from cobot_joint.diagnosis.data.delimited import Layout
-from cobot_joint.diagnosis.data.parameters import QUANTITY
+from cobot_joint.diagnosis.data.parameters import FIRST, QUANTITY
 from cobot_joint.diagnosis.data.quantity import convert, is_unit
-from cobot_joint.diagnosis.data.recording import FIRST, Column, Reading, Role
+from cobot_joint.diagnosis.data.recording import Column, Reading, Role
 
 
 @dataclass(frozen=True)

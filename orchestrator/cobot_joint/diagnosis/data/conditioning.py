@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -12,8 +12,6 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.linalg import toeplitz
 from scipy.optimize import brentq
 from scipy.signal import detrend, savgol_filter
-
-from cobot_joint.diagnosis.data.recording import Recording
 
 WINDOWS = (256, 128, 64, 32)  # samples in which a quiet signal is a parabola, the most that agree with shorter ones
 AGREE = 1.2  # times the sigma of shorter windows, above which longer ones hold more than noise: coloured noise of 0.8
@@ -29,6 +27,7 @@ BESIDE = 2  # samples on either side, by which noise may be correlated
 CUBIC = 3
 OWN = 0.5  # s, over which a speed knows better than a position how quick a shaft is
 RATE = 0.02  # by which a speed may differ from a position's rate, and share that its integral may leave of it
+FEWEST_OF_PARABOLA, BY_CHANCE = 16, 3.0  # samples, and sigma up to which they lie on one
 APART, CLEARLY = 0.05, 100.0  # of what a position goes through, or times its noise, by which it begins elsewhere
 FEWEST_VALUES, MOST_LINES = 50, 2**18  # of a channel, and places that they may lie at, for a step that was rounded
 IN_PHASE = 0.7  # of values, from which on they are whole multiples of a step: 50 anywhere have 0.5 by chance
@@ -51,25 +50,6 @@ class ChannelQuality:
     def sigma(self, stated: float = 0.0) -> float:
         """The noise; of a channel that shows none, because it rests or was computed, what is stated, else 1."""
         return self.noise if np.isfinite(self.noise) and self.noise > 0 else stated or 1.0
-
-
-def condition(recordings: Sequence[Recording]) -> dict[str, ChannelQuality]:
-    """Per compared channel, over all recordings that have it: the logger is the same in all of them."""
-    names = dict.fromkeys(name for r in recordings for name in r.outputs)
-    return {name: _of_channel(name, [r for r in recordings if name in r.outputs]) for name in names}
-
-
-def _of_channel(name: str, recordings: Sequence[Recording]) -> ChannelQuality:
-    """Of the runs that have it; where there are only tables, of their rows: the scatter is the noise, and white. An
-    encoder's counts between two samples are off by two roundings, which no window shows while their number stays."""
-    in_time = [r for r in recordings if name not in r.scatter]
-    quality = assess(*(r.outputs[name] for r in in_time or recordings))
-    if any(r.differences.get(name) == "backward" for r in in_time):
-        return replace(quality, noise=float(np.fmax(quality.noise, quality.step / np.sqrt(6))))
-    if in_time:
-        return quality
-    variance = float(np.mean([r.scatter[name] ** 2 for r in recordings]))
-    return replace(quality, noise=float(np.sqrt(variance)), colour=0.0)
 
 
 def assess(*series: NDArray[np.float64]) -> ChannelQuality:
@@ -294,9 +274,33 @@ def _left_out(x: NDArray[np.float64], n: int) -> float:
     return float(np.mean((x[n // 2 : n // 2 + len(predicted)] - predicted) ** 2))
 
 
+def beginning(x: NDArray[np.float64]) -> float:
+    """Where a series begins: at the first of a parabola through as many samples as one describes.
+
+    Twice as many at a time, until a cubic fits better than by chance. From n samples it is known to 3/sqrt(n) of their
+    noise (Savitzky, A., Golay, M. (1964), Anal. Chem. 36(8)); a rotor that coasts carries the error of its first
+    sample on to the end.
+    """
+    known = np.flatnonzero(np.isfinite(x))
+    sigma, colour = noise_and_colour(x)
+    begins, n = float(x[known[0]]), FEWEST_OF_PARABOLA
+    if not sigma > 0:
+        return begins
+    sigma *= np.sqrt((1 + colour) / (1 - colour))
+    while n <= len(known) // 4 and known[n - 1] - known[0] == n - 1:
+        basis, _ = np.linalg.qr(np.vander(np.linspace(-1, 1, n), CUBIC + 1, increasing=True))
+        along = x[known[:n]] @ basis
+        rest = x[known[:n]] - basis @ along
+        if abs(along[CUBIC]) > BY_CHANCE * sigma or rest @ rest > (n + BY_CHANCE * np.sqrt(2 * n)) * sigma**2:
+            break
+        begins = float(basis[0, :CUBIC] @ along[:CUBIC])
+        n *= 2
+    return begins
+
+
 def begins_apart(x: NDArray[np.float64], there: float) -> float | None:
-    """Where a position begins, if that is elsewhere than there by more than its way, or its noise, leaves in doubt;
-    else None. A motor that goes through 96 rad began 0.37 rad off, which is 20,000 times its encoder's noise."""
+    """Where a position or speed begins, if that is elsewhere than there by more than its way, or its noise, leaves in
+    doubt; else None. A motor that goes through 96 rad began 0.37 rad off, which is 20,000 times its encoder's noise."""
     known = x[np.isfinite(x)]
     if not len(known):
         return None

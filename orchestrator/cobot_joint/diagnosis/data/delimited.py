@@ -22,7 +22,8 @@ LONGEST_LINE = 100_000  # characters
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)", re.IGNORECASE)
 # a time of day, the date before it in any order: 2024-01-31T12:00:00.5Z, 31.01.2024 12:00:00,5, 1/31/2024 2:00:00 PM
 STAMP = re.compile(
-    r"(?:\d{1,4}[-./]\d{1,2}[-./]\d{2,4}(?:[ T]|, ?))?(?P<hour>\d{1,2}):(?P<minute>\d\d)(?::(?P<second>\d\d(?:[.,:]\d+)?))?"
+    r"(?:\d{1,4}[-./]\d{1,2}[-./]\d{2,4}(?:[ T]|, ?))?"
+    r"(?P<hour>\d{1,2}):(?P<minute>\d\d)(?::(?P<second>\d\d(?:[.,:]\d+)?))?"
     r"(?: ?(?P<half>[AaPp])\.?[Mm]\.?)?(?: ?(?:Z|UTC|GMT|[+-]\d\d:?(?:\d\d)?))?"
 )
 STAMP_WITH_COMMA = re.compile(r"(\d{4}-\d\d-\d\d[ T]\d\d:\d\d:\d\d),(?=\d)")

@@ -6,10 +6,12 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cobot_joint.diagnosis.data.conditioning import beginning
 from cobot_joint.diagnosis.data.quantity import convert
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.model import Component, System, Value
@@ -21,6 +23,7 @@ PLACE = "phi"  # output of such a unit: where it is
 STILL = 0.01  # of the largest speed in a recording, up to which it begins at rest
 AGAINST_ONE = re.compile(r"\s*([-+]?\d+(?:\.\d+)?)\s*:\s*1\s*")  # a ratio, "25:1"
 QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*")  # "9 uN.m.s/rad"
+FIRST = re.compile(r"first sample(?: of (?P<channel>.+?))?(?:\s*(?P<op>[*/])\s*(?P<factor>[-+.\deE]+))?")
 COMMA = re.compile(r"\s*[-+]?\d+,\d")
 
 
@@ -132,3 +135,30 @@ def _end(system: System, component: Component, variable: str) -> tuple[str, str]
         return component.name, variable
     wires = (w for w in system.connections if (w.sink_component, w.sink) == (component.name, variable))
     return next(((w.source_component, w.source) for w in wires if w.source_component), None)
+
+
+def first_values(
+    path: Path, initial: Mapping[str, float | str], series: Mapping[str, NDArray[np.float64]]
+) -> dict[str, float]:
+    """Of a recording, as a campaign gives them: numbers, or the first of a series, (n,). UserError: there is none."""
+    values: dict[str, float] = {}
+    for name, given in initial.items():
+        if isinstance(given, (int, float)):
+            values[name] = float(given)
+            continue
+        match = FIRST.fullmatch(given)
+        channel = (match["channel"] or name) if match else ""
+        if not match or channel not in series:
+            raise UserError(
+                f"{path}: initial {name!r} = {given!r} is given, "
+                f'a number or "first sample" of one of {among(series)} is needed'
+            )
+        first = beginning(series[channel])
+        factor = float(match["factor"] or 1.0)
+        values[name] = first / factor if match["op"] == "/" else first * factor
+    return values
+
+
+def first_sample(connector: str, times: float = 1.0) -> str:
+    """A start value in words, as `first_values` reads them."""
+    return f"first sample of {connector}" + (f" * {times:.12g}" if times != 1 else "")

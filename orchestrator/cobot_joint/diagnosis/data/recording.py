@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cobot_joint.diagnosis.data.clock import FEWEST, fill, regular_clock, resample, unwrapped, windowed, without_wild
+from cobot_joint.diagnosis.data.conditioning import ChannelQuality, assess
 from cobot_joint.diagnosis.data.delimited import Layout
 from cobot_joint.diagnosis.data.formats import Channel, Log, nearest, read_log
+from cobot_joint.diagnosis.data.parameters import first_values
 from cobot_joint.diagnosis.data.quantity import convert, is_angle, product, split_header
 from cobot_joint.errors import UserError, among
 
@@ -161,7 +162,7 @@ def read_recording(
         inputs=inputs,
         outputs=outputs,
         units=units,
-        initial=_initial(path, reading.initial, inputs | outputs | positions),
+        initial=first_values(path, reading.initial, inputs | outputs | positions),
         columns={name: channel.name for name, channel in raw.items()},
         believed={name for name, (_, _, column) in found.items() if column.believed},
         held=_held(path, connectors, found),
@@ -347,25 +348,20 @@ def _going_on(channel: Channel, header: str, column: Column, target: str | None,
     return replace(channel, values=values)
 
 
-FIRST = re.compile(r"first sample(?: of (?P<channel>.+?))?(?:\s*(?P<op>[*/])\s*(?P<factor>[-+.\deE]+))?")
+def condition(recordings: Sequence[Recording]) -> dict[str, ChannelQuality]:
+    """Per compared channel, over all recordings that have it: the logger is the same in all of them."""
+    names = dict.fromkeys(name for r in recordings for name in r.outputs)
+    return {name: _of_channel(name, [r for r in recordings if name in r.outputs]) for name in names}
 
 
-def _initial(
-    path: Path, initial: Mapping[str, float | str], series: Mapping[str, NDArray[np.float64]]
-) -> dict[str, float]:
-    values: dict[str, float] = {}
-    for name, given in initial.items():
-        if isinstance(given, (int, float)):
-            values[name] = float(given)
-            continue
-        match = FIRST.fullmatch(given)
-        channel = (match["channel"] or name) if match else ""
-        if not match or channel not in series:
-            raise UserError(
-                f"{path}: initial {name!r} = {given!r} is given, "
-                f'a number or "first sample" of one of {among(series)} is needed'
-            )
-        first = float(series[channel][np.argmax(np.isfinite(series[channel]))])
-        factor = float(match["factor"] or 1.0)
-        values[name] = first / factor if match["op"] == "/" else first * factor
-    return values
+def _of_channel(name: str, recordings: Sequence[Recording]) -> ChannelQuality:
+    """Of the runs that have it; where there are only tables, of their rows: the scatter is the noise, and white. An
+    encoder's counts between two samples are off by two roundings, which no window shows while their number stays."""
+    in_time = [r for r in recordings if name not in r.scatter]
+    quality = assess(*(r.outputs[name] for r in in_time or recordings))
+    if any(r.differences.get(name) == "backward" for r in in_time):
+        return replace(quality, noise=float(np.fmax(quality.noise, quality.step / np.sqrt(6))))
+    if in_time:
+        return quality
+    variance = float(np.mean([r.scatter[name] ** 2 for r in recordings]))
+    return replace(quality, noise=float(np.sqrt(variance)), colour=0.0)

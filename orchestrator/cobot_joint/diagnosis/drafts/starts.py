@@ -1,5 +1,5 @@
-"""Where a draft's simulation begins: at the position that a log begins at, all shafts that turn with it as well; and
-where nothing drives it, at its speed."""
+"""Where a draft's simulation begins: at the position and speed that a log begins at, all shafts that turn with it as
+well."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from cobot_joint.diagnosis.data.conditioning import begins_apart
 from cobot_joint.diagnosis.data.formats import Channel
+from cobot_joint.diagnosis.data.parameters import first_sample
 from cobot_joint.diagnosis.drafts.campaign_text import Guess
 from cobot_joint.system.model import System
-from cobot_joint.system.shafts import turning_with
+from cobot_joint.system.shafts import speeds_with, turning_with
 from cobot_joint.system.wiring import shown_by
 
 
@@ -35,11 +36,8 @@ def starts(system: System, guesses: Sequence[Guess], logs: Sequence[Sequence[Cha
     found: dict[str, str] = {}
     for name, connector in places["m"] + (places["rad"] if len(places["rad"]) == 1 else []):
         if any(begins_apart(x, 0.0) is not None for x in _everywhere(columns[connector], logs)):
-            found |= {
-                angle: f"first sample of {connector}" + (f" * {times:.12g}" if times != 1 else "")
-                for angle, times in _with_it(system, name).items()
-            }
-    return found | (_coasting(system, guesses) if len(system.components) == 1 else {})
+            found |= {angle: first_sample(connector, times) for angle, times in _with_it(system, name).items()}
+    return found | _in_motion(system, guesses, logs)
 
 
 def _everywhere(column: Channel, logs: Sequence[Sequence[Channel]]) -> list[NDArray[np.float64]]:
@@ -47,20 +45,14 @@ def _everywhere(column: Channel, logs: Sequence[Sequence[Channel]]) -> list[NDAr
     return [column.values, *(c.values for log in logs for c in log if c.name == column.name)]
 
 
-def _coasting(system: System, guesses: Sequence[Guess]) -> dict[str, str]:
-    """Of a body that no column drives, the speed at which its log begins."""
-    (body,) = system.components
-    if not system.inputs or any(g.connector in system.inputs for g in guesses):
-        return {}
-    shown = {name: connector for connector, name in shown_by(system).items()}
-    found = {}
-    for state in body.unit.states:
-        variable = state.removeprefix("x_")
-        connector = shown.get(f"{body.name}.{variable}", f"{body.name}.{variable}")
-        logged = next((g.column for g in guesses if g.connector == connector), None)
-        is_speed = variable in body.unit.variables and body.unit.unit_of(variable) in ("rad/s", "m/s")
-        if is_speed and logged is not None and begins_apart(logged.values, 0.0) is not None:
-            found[f"{body.name}.{state}"] = f"first sample of {connector}"
+def _in_motion(system: System, guesses: Sequence[Guess], logs: Sequence[Sequence[Channel]]) -> dict[str, str]:
+    """Speeds of shafts in whose log one turns from the beginning on: left at rest there, a wheel of little friction is
+    as far off at the end. Of two logged speeds the first starts what turns with it."""
+    found: dict[str, str] = {}
+    for g in guesses:
+        states = speeds_with(system, g.connector)
+        if states and any(begins_apart(x, 0.0) is not None for x in _everywhere(g.column, logs)):
+            found = {state: first_sample(g.connector, times) for state, times in states.items()} | found
     return found
 
 

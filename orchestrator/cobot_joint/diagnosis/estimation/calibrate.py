@@ -9,9 +9,8 @@ import numpy as np
 
 from cobot_joint.cosim.clock import SLIGHT
 from cobot_joint.diagnosis.data.campaign import Campaign
-from cobot_joint.diagnosis.data.conditioning import condition
 from cobot_joint.diagnosis.data.quantity import is_position
-from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.data.recording import Recording, condition
 from cobot_joint.diagnosis.estimation.fit import Fit
 from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from cobot_joint.cosim import SimulationError
 from cobot_joint.diagnosis.data.campaign import Campaign
-from cobot_joint.diagnosis.data.conditioning import condition
-from cobot_joint.diagnosis.data.recording import Recording
+from cobot_joint.diagnosis.data.recording import Recording, condition
 from cobot_joint.diagnosis.estimation.problem import one_blas_thread
 from cobot_joint.diagnosis.plant.fmu_plant import FmuPlant
 from cobot_joint.diagnosis.plant.simulator import Simulator

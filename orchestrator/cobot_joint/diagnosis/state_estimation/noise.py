@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cobot_joint.diagnosis.data.campaign import Campaign
-from cobot_joint.diagnosis.data.conditioning import condition
+from cobot_joint.diagnosis.data.recording import condition
 
 MOST = 0.9  # correlation from sample to sample; what is more is a signal
 MORE = (

@@ -99,6 +99,20 @@ def test_a_position_that_begins_elsewhere_is_said_with_what_sets_it(
         assert not found[0].wrong
 
 
+@pytest.mark.parametrize(("initial", "said"), [({}, True), ({"motor.w": 60.0}, False)])
+def test_a_speed_that_a_log_begins_with_is_said_with_all_that_turns_with_it(
+    initial: dict[str, float], said: bool
+) -> None:
+    """A wheel that was logged from 60 rad/s on was 500 times its noise off, and no explanation stood out."""
+    geared = with_data_sheet(chain(["motor", "gear", "sensor", "load"]), {"gear.N": "50"}).system
+    r = Recording("a", "train", "axis", TIME, {}, {"w_motor": 60 - 2 * TIME}, {"w_motor": "rad/s"}, initial=initial)
+    found = list(begin_elsewhere([r], lambda r: {"w_motor": np.zeros(len(r.time))}, {"axis": geared}))
+    assert [s.kind for s in found] == ["start"] * said
+    if said:
+        assert '"gear.w_o" = "first sample of w_motor * 0.02"' in found[0].evidence
+        assert '"load.x_w" = "first sample of w_motor * 0.02"' in found[0].evidence
+
+
 @pytest.mark.parametrize(("begins", "said"), [(0.37, True), (1e-4, False)])
 def test_an_angle_that_begins_clearly_elsewhere_is_said_however_far_it_goes(begins: float, said: bool) -> None:
     """A rotary table's motor went through 96 rad, from 0.37 on: its log was drift to the fit, and nobody said why."""

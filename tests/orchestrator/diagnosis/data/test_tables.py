@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cobot_joint.diagnosis.data.campaign import load_campaign
-from cobot_joint.diagnosis.data.conditioning import condition
+from cobot_joint.diagnosis.data.recording import condition
 from cobot_joint.diagnosis.data.tables import PER_HOLD, error_of_mean, scatter
 from cobot_joint.diagnosis.drafts.chain import chain, write_readable
 from cobot_joint.diagnosis.engine import diagnose

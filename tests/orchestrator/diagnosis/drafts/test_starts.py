@@ -58,18 +58,32 @@ def test_a_screws_way_begins_where_its_log_does() -> None:
     assert starts(chain(["motor", "screw"]).system, [logged("s", 0.05, "m")]) == {"screw.s": "first sample of s"}
 
 
-def test_a_body_that_no_column_drives_coasts_from_the_speed_at_which_its_log_begins() -> None:
-    """Its draft asked for a line in [initial] and did not write it."""
+def test_a_body_begins_at_the_speed_at_which_its_log_does() -> None:
+    """One that coasts had no line in [initial], and neither had a wheel that a torque drives."""
     load = chain(["load"]).system
     t = 0.01 * np.arange(2000)
     speed = Guess(Channel("n", "rpm", t, 800 * np.exp(-t)), "w_load", "")
     assert starts(load, [speed]) == {"load.x_w": "first sample of w_load"}
     torque = Guess(Channel("tau", "N.m", t, np.sin(t)), "tau", "")
-    assert starts(load, [speed, torque]) == {}
+    assert starts(load, [speed, torque]) == {"load.x_w": "first sample of w_load"}
     at_rest = Guess(Channel("n", "rpm", t, np.sin(t)), "w_load", "")
     assert starts(load, [at_rest]) == {}
     swings = {"link.phi_p": "first sample of phi_link"}
     assert starts(chain(["link"]).system, [logged("phi_link", 0.8)]) == swings
+
+
+def test_all_that_turns_with_a_motor_begins_at_its_speed() -> None:
+    """A carriage's way is no angle: its screw has the speed."""
+    geared = chain(["motor", "gear", "screw"]).system
+    N = float(geared.component("gear").parameters.get("ratio.N", 113))
+    t = 0.01 * np.arange(200)
+    found = starts(geared, [Guess(Channel("n", "rpm", t, 300 + 0 * t), "w_motor", "")])
+    of_motor = "first sample of w_motor"
+    assert found == {
+        "motor.w": of_motor,
+        "gear.w_o": f"{of_motor} * {1 / N:.12g}",
+        "screw.x_w": f"{of_motor} * {1 / N:.12g}",
+    }
 
 
 def test_no_spring_is_wound_up_where_a_drafted_simulation_begins() -> None:

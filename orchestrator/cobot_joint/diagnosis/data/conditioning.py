@@ -274,8 +274,8 @@ def _left_out(x: NDArray[np.float64], n: int) -> float:
     return float(np.mean((x[n // 2 : n // 2 + len(predicted)] - predicted) ** 2))
 
 
-def beginning(x: NDArray[np.float64]) -> float:
-    """Where a series begins: at the first of a parabola through as many samples as one describes.
+def beginning(x: NDArray[np.float64]) -> tuple[float, float]:
+    """Where a series begins, and 1 sigma of that: at the first of a parabola through as many samples as one describes.
 
     Twice as many at a time, until a cubic fits better than by chance. From n samples it is known to 3/sqrt(n) of their
     noise (Savitzky, A., Golay, M. (1964), Anal. Chem. 36(8)); a rotor that coasts carries the error of its first
@@ -285,7 +285,8 @@ def beginning(x: NDArray[np.float64]) -> float:
     sigma, colour = noise_and_colour(x)
     begins, n = float(x[known[0]]), FEWEST_OF_PARABOLA
     if not sigma > 0:
-        return begins
+        return begins, 0.0
+    scatter = sigma
     sigma *= np.sqrt((1 + colour) / (1 - colour))
     while n <= len(known) // 4 and known[n - 1] - known[0] == n - 1:
         basis, _ = np.linalg.qr(np.vander(np.linspace(-1, 1, n), CUBIC + 1, increasing=True))
@@ -294,8 +295,9 @@ def beginning(x: NDArray[np.float64]) -> float:
         if abs(along[CUBIC]) > BY_CHANCE * sigma or rest @ rest > (n + BY_CHANCE * np.sqrt(2 * n)) * sigma**2:
             break
         begins = float(basis[0, :CUBIC] @ along[:CUBIC])
+        scatter = float(np.linalg.norm(basis[0, :CUBIC])) * sigma
         n *= 2
-    return begins
+    return begins, scatter
 
 
 def begins_apart(x: NDArray[np.float64], there: float) -> float | None:

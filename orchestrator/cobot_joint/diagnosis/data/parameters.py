@@ -139,9 +139,11 @@ def _end(system: System, component: Component, variable: str) -> tuple[str, str]
 
 def first_values(
     path: Path, initial: Mapping[str, float | str], series: Mapping[str, NDArray[np.float64]]
-) -> dict[str, float]:
-    """Of a recording, as a campaign gives them: numbers, or the first of a series, (n,). UserError: there is none."""
+) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
+    """Start values of a recording, as a campaign gives them: numbers, or the first of a series, (n,); and series ->
+    start value -> what 1 sigma of where that series begins makes of it. UserError: there is no such series."""
     values: dict[str, float] = {}
+    scatter: dict[str, dict[str, float]] = {}
     for name, given in initial.items():
         if isinstance(given, (int, float)):
             values[name] = float(given)
@@ -153,10 +155,11 @@ def first_values(
                 f"{path}: initial {name!r} = {given!r} is given, "
                 f'a number or "first sample" of one of {among(series)} is needed'
             )
-        first = beginning(series[channel])
-        factor = float(match["factor"] or 1.0)
-        values[name] = first / factor if match["op"] == "/" else first * factor
-    return values
+        first, sigma = beginning(series[channel])
+        factor = float(match["factor"] or 1.0) ** (-1 if match["op"] == "/" else 1)
+        values[name] = factor * first
+        scatter.setdefault(channel, {})[name] = factor * sigma
+    return values, scatter
 
 
 def first_sample(connector: str, times: float = 1.0) -> str:

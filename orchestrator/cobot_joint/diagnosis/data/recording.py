@@ -58,6 +58,9 @@ class Recording:
     outputs: dict[str, NDArray[np.float64]]
     units: dict[str, str]
     initial: dict[str, float] = field(default_factory=dict)
+    # series that start values are taken from -> start value -> what 1 sigma of where that series begins makes of it
+    start_scatter: dict[str, dict[str, float]] = field(default_factory=dict)
+    strays: list[dict[str, NDArray[np.float64]]] = field(default_factory=list)  # what each of these makes of outputs
     columns: dict[str, str] = field(default_factory=dict)  # connector -> column as recorded
     believed: set[str] = field(default_factory=set)  # connectors whose factor and sign somebody looked at
     held: set[str] = field(default_factory=set)  # inputs whose values hold until the next one comes
@@ -154,6 +157,7 @@ def read_recording(
             positions[channel.name], units[name] = series, target or f"{units[name]}/s"
             series = np.gradient(series, time)
         (outputs if connectors[name].causality == "output" else inputs)[name] = series
+    initial, start_scatter = first_values(path, reading.initial, inputs | outputs | positions)
     return Recording(
         name=path.stem,
         role=reading.role,
@@ -162,7 +166,8 @@ def read_recording(
         inputs=inputs,
         outputs=outputs,
         units=units,
-        initial=first_values(path, reading.initial, inputs | outputs | positions),
+        initial=initial,
+        start_scatter=start_scatter,
         columns={name: channel.name for name, channel in raw.items()},
         believed={name for name, (_, _, column) in found.items() if column.believed},
         held=_held(path, connectors, found),

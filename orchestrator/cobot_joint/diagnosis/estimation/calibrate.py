@@ -31,7 +31,7 @@ Progress = Callable[[str], None]
 
 def calibrate(campaign: Campaign, plant: Plant, say: Progress, store: Store) -> tuple[Problem, Fit]:
     """The problem, and the base model re-fitted inside its tolerances with nothing added."""
-    given = Problem(plant, campaign.train, noises(campaign))
+    given = Problem(plant, [straying(plant, r) for r in campaign.train], noises(campaign))
     bounds = {name: t.bounds(plant.parameters[name].nominal) for name, t in campaign.tolerances.items()}
     base = Hypothesis(tolerances(given, bounds))
     problem = with_long_steps(given, base.run(base.start()))
@@ -51,6 +51,18 @@ def calibrate(campaign: Campaign, plant: Plant, say: Progress, store: Store) -> 
         problem.drifting = {name: off[name] for name in drifting} if again is not None else {}
     problem.may_set_in = campaign.onsets
     return problem, calibrated
+
+
+def straying(plant: Plant, recording: Recording) -> Recording:
+    """With what 1 sigma of each start value that was taken from its noisy samples makes of its outputs: what turns
+    nearly without friction carries it on to the end. SimulationError: a unit fails."""
+    strays = []
+    for shifts in recording.start_scatter.values():
+        if any(shifts.values()):
+            shifted = {name: value + shifts.get(name, 0.0) for name, value in recording.initial.items()}
+            there, beside = (plant.simulate({}, r) for r in (recording, replace(recording, initial=shifted)))
+            strays.append({name: beside[name] - there[name] for name in recording.outputs})
+    return replace(recording, strays=strays) if strays else recording
 
 
 def with_long_steps(problem: Problem, run: Run) -> Problem:

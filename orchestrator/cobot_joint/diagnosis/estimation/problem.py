@@ -136,6 +136,9 @@ class Problem:
                 self._of_recording[number].append((self.blocks[-1], Gaps.of(known)))
                 row = rows.stop
         self.rows = row
+        self._strays = [
+            _directions([self._white(n, stray) for stray in r.strays]) for n, r in enumerate(self.recordings)
+        ]
         self.recorded = self.whiten([r.outputs for r in self.recordings])
 
     @property
@@ -175,7 +178,15 @@ class Problem:
         return np.concatenate([self.whiten_one(n, found) for n, found in enumerate(outputs)])
 
     def whiten_one(self, n: int, outputs: Mapping[str, Vector]) -> Vector:
-        """Recording n's rows."""
+        """Recording n's rows, less what it strays by because it does not begin quite where it is said to."""
+        rows = self._white(n, outputs)
+        if (strays := self._strays[n]) is None:
+            return rows
+        directions, shares = strays
+        return rows - directions @ (shares * (directions.T @ rows))
+
+    def _white(self, n: int, outputs: Mapping[str, Vector]) -> Vector:
+        """Whitened by the noise alone."""
         parts = []
         for block, gaps in self._of_recording[n]:
             noise = self.noise[block.channel]
@@ -333,6 +344,17 @@ class Problem:
             time = self.recordings[block.recording].time
             stacked[block.rows] = time - time[0]
         return stacked
+
+
+def _directions(strays: Sequence[Vector]) -> tuple[Vector, Vector] | None:
+    """Orthonormal directions of what one sigma of a start value makes of a recording, whitened, (rows, k), and what
+    further whitening takes of each: of a covariance I + S S' with S = U s V' it is I - U (1 - 1/sqrt(1 + s^2)) U'. The
+    same as start values that are fitted (Rasmussen, C. E., Williams, C. K. I. (2006), Gaussian Processes for Machine
+    Learning, section 2.7). None: there is nothing of the kind."""
+    if not strays:
+        return None
+    U, s, _ = np.linalg.svd(np.stack(strays, axis=1), full_matrices=False)
+    return U, 1 - 1 / np.sqrt(1 + s**2)
 
 
 def _complete(parts: Sequence[Part | None]) -> Simulated | None:

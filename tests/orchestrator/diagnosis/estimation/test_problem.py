@@ -115,3 +115,20 @@ def test_the_filter_of_coloured_noise_in_fine_steps_is_that_of_the_noise_alone_a
     variance = e**2 * (1 + theta**2 + 2 * rho * theta) / (1 - rho**2)
     assert variance == pytest.approx(sigma**2, rel=1e-9)
     assert rho * variance + theta * e**2 == pytest.approx(colour * sigma**2, rel=1e-9)
+
+
+def test_what_a_start_value_may_be_off_counts_as_if_it_were_fitted_with_its_own_uncertainty() -> None:
+    """Beside a closed form: of residuals r the least of |r - e s|^2 + e^2 over e, s being what 1 sigma makes."""
+    (case,) = campaign(TRUTH).train[:1]
+    stray = {"w": 3 * NOISE * np.exp(-(case.time - case.time[0]) / 5)}
+    problem = Problem(Axis(), [replace(case, strays=[stray])], {"w": Noise(NOISE)})
+    plain = Problem(Axis(), [case], {"w": Noise(NOISE)})
+    rng, s = np.random.default_rng(3), plain.whiten([stray])
+    for e in (0.0, 1.0, -40.0):
+        r = rng.standard_normal(plain.rows) + e * s
+        fitted = (s @ r) / (1 + s @ s)
+        least = np.sum((r - fitted * s) ** 2) + fitted**2
+        seen = problem.whiten([{"w": NOISE * r}])
+        assert seen @ seen == pytest.approx(least, rel=1e-9)
+    assert plain.unexplained(rng.standard_normal(plain.rows) + s)
+    assert not problem.unexplained(problem.whiten([{"w": NOISE * (rng.standard_normal(plain.rows) + s)}]))

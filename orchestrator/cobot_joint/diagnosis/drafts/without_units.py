@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -12,6 +13,14 @@ from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.diagnosis.data.recording import Connector
 from cobot_joint.diagnosis.drafts.campaign_text import UNITS, Guess, converts, is_command, quantity, with_named_unit
 
+# fields of ROS messages, geometry_msgs and sensor_msgs: /odom/twist/twist/linear/x; their units by REP 103
+FIELDS = {
+    re.compile(rf"(^|[/._]){field}[/._][xyz]$"): unit
+    for field, unit in {
+        "linear": "m/s", "angular": "rad/s", "angular_velocity": "rad/s", "pose[/._]position": "m",
+        "translation": "m", "force": "N", "torque": "N.m",
+    }.items()
+}  # fmt: skip
 MOVES = 0.2  # of its largest value, that such a column goes at least
 
 
@@ -20,6 +29,7 @@ def with_assumed_units(
 ) -> list[Channel]:
     """With SI units of what the names say, where no column beside them gives a unit for that quantity. alone: only of
     those of which there is one, of a robot's joints none: nobody knows which is meant."""
+    columns = [replace(c, unit=c.unit or _of_message(c)) for c in columns]
     known = [with_named_unit(c, connectors.values()).unit for c in columns]
     given = {q for q, unit in UNITS.items() if any(own and converts(own, unit) for own in known)}
     bare = [c for c, own in zip(columns, known, strict=True) if own is None]
@@ -27,6 +37,11 @@ def with_assumed_units(
     count = Counter(kinds.values())
     assumed = {name: UNITS[kind[0]] for name, kind in kinds.items() if not alone or count[kind] == 1}
     return [replace(c, unit=assumed.get(c.name, c.unit)) for c in columns]
+
+
+def _of_message(column: Channel) -> str | None:
+    """Of a field of a ROS message that moves."""
+    return next((unit for field, unit in FIELDS.items() if field.search(column.name) and moves(column)), None)
 
 
 def said(guesses: Iterable[Guess], assumed: Sequence[Channel], columns: Sequence[Channel]) -> list[Guess]:

@@ -16,6 +16,7 @@ from cobot_joint.diagnosis.findings import Estimate
 
 Stretches = NDArray[np.intp]
 NORMAL = 1.96  # sigma of a 95 % interval
+UNKNOWN = 1e-8  # of what a direction's columns differ by, that is counted where they may be off by as much
 AT_BOUND = 1e-6  # of a natural step, within which a coordinate is at its bound
 STRAINED, FEWEST = 0.25, 3  # share of the base parameters, and how many, that end at the ends of their tolerances: the
 # repaired systems of the 72 campaigns of proof/ and ../shared/recordings/field/open have 3 of 19 there at most
@@ -32,6 +33,9 @@ class Fit:
     simulated: Simulated
     jacobian: Vector  # d(simulated)/dx, (rows, len(x))
     steps: int
+    errors: Vector | None = (
+        None  # length of what each column of the Jacobian may be off by, (len(x),); None: as good as 0
+    )
 
     @property
     def cost(self) -> float:
@@ -47,10 +51,16 @@ class Fit:
     def covariance(self, stretches: Stretches | None = None) -> Vector:
         """Of x, everything else free (the marginal one), for unit noise: (len(x), len(x))
 
-        stretches: number of each row's, (rows,), where more than noise is left: wider, as their residuals say.
+        stretches: number of each row's, (rows,), where more than noise is left: wider, as their residuals say, but no
+        wider than the prior alone.
         """
-        white = marginal_covariance(self.jacobian, self.hypothesis.prior)
-        return white if stretches is None else widened(white, self.jacobian, self.residual, stretches)
+        prior = self.hypothesis.prior
+        white = marginal_covariance(self.jacobian, prior, self.errors)
+        if stretches is None:
+            return white
+        wide = widened(white, self.jacobian, self.residual, stretches)
+        within = np.sqrt(np.minimum(1.0, 1.0 / np.maximum(prior * np.diag(wide), 1e-300)))
+        return np.asarray(wide * np.outer(within, within))
 
     def settled(self) -> Fit:
         """The same fit, its effects' coordinates counted from what was found."""
@@ -123,13 +133,22 @@ class Fit:
         return "lower" if self.x[k] <= c.lower + AT_BOUND else "upper" if self.x[k] >= c.upper - AT_BOUND else None
 
 
-def marginal_covariance(jacobian: Vector, prior: Vector) -> Vector:
+def marginal_covariance(jacobian: Vector, prior: Vector, errors: Vector | None = None) -> Vector:
     """Covariance of linear least squares' coordinates, each with all others free, for unit noise: (k, k)
 
     The inverse of J'J + diag(prior); a block of it is the inverse of the Schur complement of the other coordinates.
-    jacobian: (rows, k). prior: (k,), weights of the coordinates' squares.
+    jacobian: (rows, k). prior: (k,), weights of the coordinates' squares. errors: see Fit; a direction along which the
+    columns differ by no more is unknown but for the prior (errors in variables: Fuller, W. A. (1987), Measurement Error
+    Models, section 2.2).
     """
-    gram = jacobian.T @ jacobian + np.diag(prior)
+    gram = jacobian.T @ jacobian
+    if errors is not None:
+        size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        shares, directions = np.linalg.eigh(gram / np.outer(size, size))
+        false = (directions**2).T @ (errors / size) ** 2
+        known = np.maximum(shares - false, UNKNOWN * np.maximum(shares, 0.0))
+        gram = (directions * known) @ directions.T * np.outer(size, size)
+    gram = gram + np.diag(prior)
     scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     return np.asarray(np.linalg.pinv(gram / np.outer(scale, scale), hermitian=True) / np.outer(scale, scale))
 

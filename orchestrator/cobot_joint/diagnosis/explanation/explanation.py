@@ -9,6 +9,7 @@ from cobot_joint.diagnosis import thresholds
 from cobot_joint.diagnosis.anchored.search import Search
 from cobot_joint.diagnosis.estimation.effects import ActiveTerm
 from cobot_joint.diagnosis.estimation.fit import Fit
+from cobot_joint.diagnosis.estimation.least_squares import sharpened
 from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.estimation.projection import solve
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding, Ground, Verdict
@@ -47,7 +48,9 @@ def units_of(problem: Problem) -> dict[str, str]:
 def answer(problem: Problem, explanation: Explanation) -> Diagnosis:
     """What is said of it: verdict, findings by what they take, and parameters before and after with their intervals."""
     units, misread, before = units_of(problem), explanation.misread, explanation.calibrated
-    repaired = explanation.fit.estimates(units, problem.stretches(explanation.fit.residual))
+    after = sharpened(problem, explanation.fit)
+    repaired = after.estimates(units, problem.stretches(after.residual))
+    refit = repaired if before is explanation.fit else before.estimates(units, problem.stretches(before.residual))
     left = max(problem.excess(explanation.fit.residual), 0.0)
     findings = [_finding(problem, explanation, selected, repaired, left) for selected in explanation.selected]
     others = [explanation.unmodelled.finding] if explanation.unmodelled else []
@@ -68,7 +71,7 @@ def answer(problem: Problem, explanation: Explanation) -> Diagnosis:
     return Diagnosis(
         verdict="undecided" if misread else _verdict(findings, left > thresholds.UNDECIDED * problem.excess_scatter),
         findings=findings,
-        calibrated=before.estimates(units, problem.stretches(before.residual)),
+        calibrated=refit,
         repaired=repaired,
         misreading=misread.told(problem) if misread else None,
         ranking=explanation.selection.ranking,

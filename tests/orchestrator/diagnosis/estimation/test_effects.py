@@ -159,3 +159,16 @@ def test_intervals_hold_where_what_is_left_is_correlated_within_stretches(colour
         sizes.append(sigma / np.sqrt(np.diag(white)))
     assert np.mean(hold) > 0.88
     assert np.median(sizes) == pytest.approx(wider, rel=0.35)
+
+
+def test_columns_that_differ_by_no_more_than_their_errors_are_known_by_the_prior_alone() -> None:
+    """Two parts of one sum: a difference quotient of 2 % error had told them apart to 3 % of their tolerances."""
+    rng, prior = np.random.default_rng(1), np.ones(2)
+    sum_of_both = rng.standard_normal((5000, 1)) * 30
+    J = np.hstack([sum_of_both, sum_of_both * 1.002 + 0.6 * rng.standard_normal((5000, 1))])
+    blind = marginal_covariance(J, prior)
+    seen = marginal_covariance(J, prior, np.array([0.0, 0.03]) * np.linalg.norm(J, axis=0))
+    assert np.sqrt(blind[0, 0]) < 0.03
+    # their sum is known, their difference to the prior's half
+    assert np.sqrt(np.diag(seen)) == pytest.approx(np.sqrt(0.5), rel=0.01)
+    assert np.sqrt(seen.sum()) < 0.002

@@ -138,8 +138,7 @@ def read_recording(
     fewest = ROWS if reading.table == "rows" else FEWEST
     time = regular_clock(path, raw, said, confirmed=steady or reading.time is not None, fewest=fewest)
     inputs: dict[str, NDArray[np.float64]] = {}
-    outputs: dict[str, NDArray[np.float64]] = {}
-    units, positions = {}, {}
+    outputs, units, positions = dict[str, NDArray[np.float64]](), {}, {}
     left_out: list[LeftOut] = []
     for name, channel in raw.items():
         _, header, column = found[name]
@@ -157,7 +156,7 @@ def read_recording(
             positions[channel.name], units[name] = series, target or f"{units[name]}/s"
             series = np.gradient(series, time)
         (outputs if connectors[name].causality == "output" else inputs)[name] = series
-    initial, start_scatter = first_values(path, reading.initial, inputs | outputs | positions)
+    starts = first_values(path, reading.initial, inputs | outputs | positions)
     return Recording(
         name=path.stem,
         role=reading.role,
@@ -166,8 +165,8 @@ def read_recording(
         inputs=inputs,
         outputs=outputs,
         units=units,
-        initial=initial,
-        start_scatter=start_scatter,
+        initial=starts[0],
+        start_scatter=starts[1],
         columns={name: channel.name for name, channel in raw.items()},
         believed={name for name, (_, _, column) in found.items() if column.believed},
         held=_held(path, connectors, found),

@@ -8,7 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cobot_joint.diagnosis.data.formats import Channel
+from cobot_joint.diagnosis.data.recording import Connector
 from cobot_joint.diagnosis.drafts.campaign_text import quantity
+from cobot_joint.diagnosis.drafts.without_units import with_assumed_units
 from tests.orchestrator.diagnosis.typed import Done
 
 T = 0.01 * np.arange(1000)
@@ -92,3 +95,23 @@ def test_beside_a_column_with_a_unit_none_is_assumed_for_the_same_quantity(
     lines, _ = drafted(tmp_path, cobot_joint, {"n_mot [rpm]": 10 * W, "velocity": W, "iq [A]": AMPERES})
     assert any(line.startswith('"n_mot [rpm]" = "w_motor"') for line in lines)
     assert not any('[rad/s]" =' in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("/odom/twist/twist/linear/x", "m/s"),
+        ("odom.pose.pose.position.y", "m"),
+        ("/imu/angular_velocity/z", "rad/s"),
+        ("/ft/wrench/torque/z", "N.m"),
+        ("/imu/linear_acceleration/x", None),
+        ("linear", None),
+    ],
+)
+def test_a_field_of_a_ros_message_has_its_si_unit(name: str, unit: str | None) -> None:
+    """A cart's way was offered as an angle, and its speed as nothing (REP 103)."""
+    carriage = {"s": Connector("s", "output", "m")}
+    (column,) = with_assumed_units([Channel(name, None, T, W)], carriage, alone=True)
+    assert column.unit == unit
+    (resting,) = with_assumed_units([Channel(name, None, T, 5 + 0.01 * W)], carriage, alone=True)
+    assert resting.unit is None

@@ -42,6 +42,9 @@ WORDS = {
     **dict.fromkeys(("usec", "µsec"), "us"),
     **dict.fromkeys(("Amp", "Amps", "amps", "Ampere"), "A"),
     **dict.fromkeys(("Volt", "Volts", "volts"), "V"),
+    **dict.fromkeys(
+        ("inc", "incr", "increments", "Inkremente", "tick", "ticks", "cnt", "cnts", "pulse", "pulses"), "count"
+    ),
 }
 SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻·⋅", "0123456789-..")
 FACTOR = re.compile(r"-?\d{1,15}(?:\.\d{0,15})?(?:[eE][+-]?\d{1,2})?(?=\s|$)|-?0?\.\d{1,15}(?=\s|$)")

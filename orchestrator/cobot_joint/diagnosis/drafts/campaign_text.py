@@ -41,7 +41,7 @@ SUFFIXES = {
 # words that say what a column is, not whose
 QUANTITIES = {COMMAND, ACTUAL, "w", "phi", "tau", "i", "v", "s", "value", "wert"}
 WORDED = {"A": "i", "V": "v"}  # at the end of the name of such a quantity: `motor_current_A`, not `phase_A`
-PERCENT = ("%", "percent")
+PERCENT = ("%", "percent", "0.1 %", "0.1%", "‰", "permille")  # of a rated value
 # of what a name may say, of several the first: a `torque_current` is a current
 UNITS = {"i": "A", "v": "V", "tau": "N.m", "w": "rad/s", "phi": "rad"}
 RATES = {"qd": "w", "dq": "w", "qdot": "w", "q": "phi"}  # of joint angles, as robots' controllers write them

@@ -14,7 +14,7 @@ from cobot_joint.diagnosis.data.conditioning import quantisation_step
 from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.diagnosis.data.quantity import convert
 from cobot_joint.diagnosis.data.recording import Connector
-from cobot_joint.diagnosis.drafts.campaign_text import Guess, Rated, converts, header_of
+from cobot_joint.diagnosis.drafts.campaign_text import Guess, Rated, converts, header_of, is_command
 from cobot_joint.system.model import System
 from cobot_joint.system.shafts import position_behind
 
@@ -23,18 +23,22 @@ COUNTS = sorted([*(2.0**k for k in range(5, 25)), *(m * 10.0**k for k in range(1
 NEAR = 1e-3  # by which a count per turn may be off one of these: by chance one speed in sixty has such a step
 SHARPER = 0.3  # times what central differences of the angle leave, that those since the sample before leave at most
 FEWEST = 10  # samples, of which that can be told
-COUNTED = re.compile(r"(?:^|_)(?:enc(?:oder)?|ticks?|counts?|cnts?|pulses?|inc(?:rement)?s?|inkremente)(?:_|$)", re.I)
+COUNTED = re.compile(
+    r"(?:^|_)(?:enc(?:oder)?|ticks?|counts?|cnts?|pulses?|inc(?:r(?:ement)?)?s?|inkremente)(?:_|$)", re.I
+)
 ELECTRICAL = re.compile(r"(?:^|_)e_?rpm(?:_|$)", re.I)
 RATES = {"rad/s": "rad", "m/s": "m"}  # units of speeds, and of their positions
 
 
 def in_counts(channels: Iterable[Channel], guesses: Sequence[Guess], offered: Iterable[Connector]) -> dict[str, Rated]:
-    """Column of whole numbers without a unit whose name says that they were counted -> the first angle that it could
-    be: `enc_ticks`; of a motor's electrical turns a minute, `erpm` -> the first speed."""
+    """Column of whole numbers whose name or unit says that they were counted -> the first angle that it could be:
+    `enc_ticks`, `position [inc]`; of a motor's electrical turns a minute, `erpm` -> the first speed."""
     used = {g.column.name for g in guesses} | {g.connector for g in guesses}
-    free = [c for c in channels if c.unit in (None, "1") and c.name not in used]
-    counted = [c for c in free if COUNTED.search(c.name) and np.all(c.values[np.isfinite(c.values)] % 1 == 0)]
-    electrical = [c for c in free if ELECTRICAL.search(c.name)]
+    free = [c for c in channels if c.name not in used and not is_command(c.name)]
+    bare = [c for c in free if c.unit in (None, "1")]
+    named = [c for c in free if COUNTED.search(c.name if c in bare else c.unit or "")]
+    counted = [c for c in named if np.all(c.values[np.isfinite(c.values)] % 1 == 0)]
+    electrical = [c for c in bare if ELECTRICAL.search(c.name)]
     ends = {c.unit: c for c in reversed(list(offered)) if c.causality == "output" and c.name not in used}
     of_count = "what one count is: 6.283185 over the counts per turn, edges of both tracks counted"
     of_turn = "what 1 is: 0.1047198 over the motor's pole pairs"

@@ -65,7 +65,8 @@ def with_commanded_current(system: System, guesses: Sequence[Guess], channels: S
 def percent_of_drive(
     system: System, guesses: Sequence[Guess], channels: Sequence[Channel], known: Mapping[str, Rated]
 ) -> dict[str, Rated]:
-    """With columns in % of a torque that are nothing else: the set value of a drive in current mode, its current."""
+    """With columns in % of a torque that are nothing else: the set value of a drive in current mode, its current; where
+    no set value was logged, what was measured is what went in."""
     found, taken = dict(known), {g.connector for g in guesses} | {r.connector.name for r in known.values()}
     used = {g.column.name for g in guesses}
     commands = _commands(system)
@@ -73,7 +74,8 @@ def percent_of_drive(
     for name, motor in (*commands.items(), *behind_loops):
         k_i, k, shown = _value(motor, "drive.k_i") or 1.0, _value(motor, "winding.k"), _shown(system, motor)
         for column in (c for c in channels if c.unit in PERCENT and is_torque(c.name) and c.name not in used):
-            asked = is_command(column.name)
+            went_in = name not in {"", *taken} and not any(is_command(c.name) and is_torque(c.name) for c in channels)
+            asked = is_command(column.name) or went_in
             connector = Connector(name, "input", "V") if asked else Connector(shown, "output", "A")
             if header_of(column) in found or not connector.name or connector.name in taken or names_a_part(column.name):
                 continue

@@ -152,28 +152,30 @@ def with_only_place(
     channels: Iterable[Channel],
 ) -> list[Guess]:
     """Where no motion was guessed, and one column can be the angle or way of one shaft alone, or of the one that a loop
-    reads: that. Without motion, hardly a friction could be told.
+    reads: that; else the one column that can be the speed of one part alone. Without motion, hardly a friction could be
+    told.
 
     connectors: those of the system and of its components; left: column that is not used -> what it could be.
     """
     if any(connectors[g.connector].unit in (*SPEEDS, *PLACES) for g in guesses if _is_output(connectors, g.connector)):
         return list(guesses)
-    shown = {
-        header: [n for n in fitting if _is_output(connectors, n) and connectors[n].unit in PLACES]
-        for header, fitting in left.items()
-    }
-    found = [(header, names) for header, names in shown.items() if names]
-    if len(found) != 1:
-        return list(guesses)
-    ((header, names),) = found
     loops = {name.split(".")[0] for name in read_by_loops(system)}
-    sources = {f"{w.source_component}.{w.source}" for w in system.connections if w.sink_component in loops}
-    read = [n for n in names if n in sources]
-    name = next(iter(names if len(names) == 1 else read if len(read) == 1 else []), None)
-    named = (with_named_unit(c, connectors.values()) for c in channels)
-    column = next((c for c in named if header_of(c) == header), None)
-    reason = "nothing else can be this" if len(names) == 1 else "this is what the loop reads"
-    return [*guesses, *([Guess(column, name, f"no speed was recorded, and {reason}")] if column and name else [])]
+    read = {f"{w.source_component}.{w.source}" for w in system.connections if w.sink_component in loops}
+    named = {header_of(c): c for c in (with_named_unit(c, connectors.values()) for c in channels)}
+    for units, why in ((PLACES, "no speed was recorded, and "), (SPEEDS, "")):
+        fitting = {
+            header: [n for n in names if _is_output(connectors, n) and connectors[n].unit in units]
+            for header, names in left.items()
+        }
+        found = [(header, names) for header, names in fitting.items() if names]
+        if len(found) != 1 or found[0][0] not in named:
+            continue
+        ((header, names),) = found
+        own = names if len(names) == 1 else [n for n in names if n in read]
+        if len(own) == 1:
+            reason = "nothing else can be this" if len(names) == 1 else "this is what the loop reads"
+            return [*guesses, Guess(named[header], own[0], why + reason)]
+    return list(guesses)
 
 
 def _is_output(connectors: Mapping[str, Connector], name: str) -> bool:

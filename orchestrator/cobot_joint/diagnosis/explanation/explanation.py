@@ -48,14 +48,18 @@ def units_of(problem: Problem) -> dict[str, str]:
 def answer(problem: Problem, explanation: Explanation) -> Diagnosis:
     """What is said of it: verdict, findings by what they take, and parameters before and after with their intervals."""
     units, misread, before = units_of(problem), explanation.misread, explanation.calibrated
+    fitted = explanation.fit.estimates(
+        units, problem.stretches(explanation.fit.residual)
+    )  # as counted
     after = sharpened(problem, explanation.fit)
     repaired = after.estimates(units, problem.stretches(after.residual))
     refit = repaired if before is explanation.fit else before.estimates(units, problem.stretches(before.residual))
     left = max(problem.excess(explanation.fit.residual), 0.0)
-    findings = [_finding(problem, explanation, selected, repaired, left) for selected in explanation.selected]
+    findings = [_finding(problem, explanation, selected, fitted, left) for selected in explanation.selected]
     others = [explanation.unmodelled.finding] if explanation.unmodelled else []
-    others += [explanation.outside.finding(problem, before, repaired)] if explanation.outside else []
+    others += [explanation.outside.finding(problem, before, fitted)] if explanation.outside else []
     findings += [replace(f, ground=_ground(problem, f, left)) for f in others]
+    findings = [replace(f, parameters={n: repaired.get(n, e) for n, e in f.parameters.items()}) for f in findings]
     if explanation.rival:
         instead_of = {s.term for s in explanation.selection.selected} - {s.term for s in explanation.rival.selected}
         findings = [_beside(f, explanation.rival) if f.term in instead_of else f for f in findings]

@@ -12,7 +12,6 @@ from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import fit
 from cobot_joint.diagnosis.estimation.noise import Noise
 from cobot_joint.diagnosis.estimation.problem import Problem
-from cobot_joint.diagnosis.explanation import explanation
 from cobot_joint.diagnosis.explanation.explanation import Explanation, answer
 from cobot_joint.diagnosis.findings import Estimate
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
@@ -96,7 +95,7 @@ def test_a_curve_that_bends_beyond_the_speeds_driven_is_no_claim_where_no_parame
 
 @pytest.mark.parametrize(("ends", "told", "claimed"), [(2, True, True), (3, True, False), (3, False, True)])
 def test_a_term_that_needs_many_parameters_at_the_ends_of_their_tolerances_is_no_claim(
-    ends: int, told: bool, claimed: bool, monkeypatch: pytest.MonkeyPatch
+    ends: int, told: bool, claimed: bool
 ) -> None:
     """Gravity on a robot's link, 95 % sure, with 7 parameters of 14 there, was a wrong torque constant. Those that the
     recordings do not tell may end anywhere: a conveyor's friction, by its direction, was held back for such a one."""
@@ -107,7 +106,6 @@ def test_a_term_that_needs_many_parameters_at_the_ends_of_their_tolerances_is_no
     assert base is not None
     found = fit(problem, base.hypothesis.with_effects(ActiveTerm(TERMS[0], {"axis.windage.c": 1e-5})))
     assert found is not None
-    monkeypatch.setattr(explanation, "sharpened", lambda problem, fit: fit)  # which is moved by hand
     x = found.x.copy()
     x[:4] = np.where(np.arange(4) < ends, 1.0, 0.5)
     found = replace(found, x=x, jacobian=found.jacobian * np.where(np.arange(len(x)) < 4, 1.0 if told else 1e-6, 1.0))

@@ -17,6 +17,7 @@ from cobot_joint.errors import UserError, among
 GAP = 2.5  # steps between two samples above which what lies between counts as not recorded
 ROUNDED = 0.01  # steps by which the stamps of a regular clock may be off, by rounding
 JITTERY = 0.5  # the same of one that jitters
+FEWEST_STAMPS = 8  # of which it can be told that samples come evenly between them
 FEWEST = 16  # samples of which anything can be said
 SPARSEST = 10  # steps per sample above which a clock is not one
 SLOWEST, LONG = 0.5, 3600.0  # s between samples, and in all, beyond which a log is no drive's unless it says so
@@ -40,10 +41,11 @@ def regular_clock(
     ordered = {}
     for key, channel in clocks.items():
         whose = "the clock" if len(clocks) == 1 else f"the clock of {channel.name}"
-        ordered[key] = _in_order(path, whose, channel.time, notes)
+        spread = _spread(whose, channel.time, notes)
+        ordered[key] = spread, _in_order(path, whose, spread, notes)
     for name, channel in list(raw.items()):
-        keep = ordered[id(channel.time)]
-        raw[name] = Channel(channel.name, channel.unit, channel.time[keep], channel.values[keep])
+        time, keep = ordered[id(channel.time)]
+        raw[name] = Channel(channel.name, channel.unit, time[keep], channel.values[keep])
     times = list({id(c.time): c.time for c in raw.values()}.values())
     if min(map(len, times)) < fewest:
         raise UserError(f"{path}: {min(map(len, times))} usable samples are given, {fewest} at least are needed")
@@ -93,6 +95,28 @@ def _nice(step: float) -> float:
     """Differences carry rounding, 0.0009999999999994: the nearest number of four digits, if it is that."""
     rounded = float(f"{step:.4g}")
     return rounded if abs(rounded - step) < 1e-6 * step else step
+
+
+def _spread(whose: str, time: NDArray[np.float64], notes: list[str]) -> NDArray[np.float64]:
+    """Stamps that were cut to whole seconds, or to any step, while samples came several times as often: evenly apart.
+
+    Themselves where any sample would then lie outside of the step that it is stamped with: they came at no even pace.
+    """
+    begins = np.flatnonzero(np.diff(time, prepend=-np.inf) > 0)  # of each stamp the first sample
+    if len(begins) < FEWEST_STAMPS or len(time) < 2 * len(begins) or not (np.diff(time) >= 0).all():
+        return time
+    step, even = float(np.median(np.diff(time[begins]))), time.copy()
+    gaps = np.flatnonzero(np.diff(time[begins]) > GAP * step) + 1
+    for own, end in zip(np.split(begins, gaps), [*begins[gaps], len(time)], strict=True):
+        if len(own) < 3:  # two of them whole at least
+            return time
+        pace = (time[own[-1]] - time[own[1]]) / (own[-1] - own[1])  # the first may have begun before the log
+        even[own[0] : end] = time[own[1]] + pace * (np.arange(own[0], end) - own[1])
+    if np.any(even - time < -pace) or np.any(even - time > step + pace):
+        return time
+    count = f"{step / pace:.4g} samples in each: taken {pace:.4g} s apart"
+    notes.append(f"{whose} counts in steps of {step:g} s and has {count}")
+    return even
 
 
 def _in_order(path: Path, whose: str, time: NDArray[np.float64], notes: list[str]) -> NDArray[np.intp]:

@@ -295,7 +295,7 @@ def beginning(x: NDArray[np.float64]) -> tuple[float, float]:
         if abs(along[CUBIC]) > BY_CHANCE * sigma or rest @ rest > (n + BY_CHANCE * np.sqrt(2 * n)) * sigma**2:
             break
         begins = float(basis[0, :CUBIC] @ along[:CUBIC])
-        scatter = float(np.linalg.norm(basis[0, :CUBIC])) * sigma
+        scatter = float(np.linalg.norm(basis[0, :CUBIC]) * sigma)
         n *= 2
     return begins, scatter
 

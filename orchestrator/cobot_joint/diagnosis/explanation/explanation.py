@@ -48,9 +48,7 @@ def units_of(problem: Problem) -> dict[str, str]:
 def answer(problem: Problem, explanation: Explanation) -> Diagnosis:
     """What is said of it: verdict, findings by what they take, and parameters before and after with their intervals."""
     units, misread, before = units_of(problem), explanation.misread, explanation.calibrated
-    fitted = explanation.fit.estimates(
-        units, problem.stretches(explanation.fit.residual)
-    )  # as counted
+    fitted = explanation.fit.estimates(units, problem.stretches(explanation.fit.residual))  # as counted
     after = sharpened(problem, explanation.fit)
     repaired = after.estimates(units, problem.stretches(after.residual))
     refit = repaired if before is explanation.fit else before.estimates(units, problem.stretches(before.residual))

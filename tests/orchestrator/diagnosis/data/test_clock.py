@@ -38,3 +38,28 @@ def test_one_value_that_is_missing_is_bridged_and_not_called_off_the_clock(tmp_p
         "w has no value in 1 of 1000 samples, left out",
         "w: 1 of 1000 samples are missing singly, bridged",
     ]
+
+
+def test_samples_between_stamps_of_whole_seconds_are_taken_evenly_apart(tmp_path: Path) -> None:
+    """Of ten samples a second nine had been dropped."""
+    t = 0.3 + 0.1 * np.arange(1000)
+    r = read(tmp_path, np.floor(t + 1e-9), SIGNALS)
+    assert r.step == pytest.approx(0.1, rel=1e-3)
+    assert len(r.time) == 1000
+    assert np.array_equal(r.outputs["w"], SIGNALS["w [rad/s]"])
+    assert any("counts in steps of 1 s and has 10 samples in each: taken 0.1 s apart" in note for note in r.notes)
+
+
+def test_a_gap_between_such_stamps_stays_one(tmp_path: Path) -> None:
+    t = 0.3 + 0.1 * np.arange(1000) + 30.0 * (np.arange(1000) > 500)
+    r = read(tmp_path, np.floor(t + 1e-9), SIGNALS)
+    assert len(r.time) == pytest.approx(1300, abs=1)
+    w = r.outputs["w"][np.isfinite(r.outputs["w"])]
+    assert np.corrcoef(w[:500], SIGNALS["w [rad/s]"][:500])[0, 1] > 0.999
+
+
+def test_samples_that_came_at_no_even_pace_are_not_taken_to_have(tmp_path: Path) -> None:
+    counts = np.random.default_rng(1).integers(1, 20, 200)
+    t = np.repeat(0.1 * np.arange(200), counts)[:1000]
+    r = read(tmp_path, t, SIGNALS)
+    assert any("time stamps, the first sample of each is used" in note for note in r.notes)

@@ -70,6 +70,8 @@ def beside_nominal(
         for name, m in _matches(r, simulated).items():
             if wrong or m.correlation < ALIKE:
                 continue
+            if name in r.believed and _is_odd(m) and name not in {s.channel for s in found if s.kind == "factor"}:
+                found.append(_scale(r, name, m, ratios or {}, believed=True))
             at = timing(r.outputs[name], simulated[name], r.step)
             if at.by_rate > SHARE and abs(at.rate) * (r.time[-1] - r.time[0]) > 2 * r.step:
                 words = (
@@ -146,7 +148,8 @@ def _is_doubtful(m: Match) -> bool:
     return m.correlation < DOUBT or not 1 / 1.6 < m.factor < 1.6
 
 
-def _scale(r: Recording, name: str, m: Match, ratios: Mapping[str, float]) -> Suspicion:
+def _scale(r: Recording, name: str, m: Match, ratios: Mapping[str, float], *, believed: bool = False) -> Suspicion:
+    """believed: somebody gave it a scale or a sign, so that it is said and no more."""
     size = abs(m.factor)
     column = r.columns.get(name, name)
     if 1 / FAR < size < FAR:
@@ -154,6 +157,8 @@ def _scale(r: Recording, name: str, m: Match, ratios: Mapping[str, float]) -> Su
         return Suspicion(r.name, name, "sign", evidence + f"reversed? If so, sign = -1 for {column!r}", wrong=True)
     known = known_factors(size, r.units.get(name, ""), ratios)
     evidence = f"it moves {m.factor:.4g} times as much as the nominal system (correlation {m.correlation:.2f})"
+    if believed:
+        return Suspicion(r.name, name, "factor", f"{evidence}; the scale that [channels] gives {column!r} is believed")
     if not known:
         return Suspicion(r.name, name, "factor", f"{evidence}; no usual factor is near")
     factors = " or ".join(f"{value:.5g}, {words}" for value, words in known)

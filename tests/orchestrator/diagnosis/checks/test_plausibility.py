@@ -218,3 +218,13 @@ def test_whoever_gives_a_scale_is_believed(root: Path, tmp_path: Path) -> None:
     assert all(not s.wrong for s in plausible(campaign))
     with pytest.raises(UserError):
         plausible(load_campaign(milliamperes(root, tmp_path / "b"), roles=("train",)))
+
+
+def test_a_scale_that_somebody_gave_is_believed_and_one_that_is_far_off_is_said(
+    look: Callable[..., list[Suspicion]],
+) -> None:
+    """57 times too large a speed with `scale = 1` was believed without a word."""
+    (found,) = look("w_motor", lambda x, r: x * 180 / np.pi, looked_at=["w_motor"])
+    assert (found.kind, found.wrong) == ("factor", False)
+    assert "the scale that [channels] gives 'w_motor' is believed" in found.evidence
+    assert look(looked_at=["w_motor"]) == []

@@ -11,7 +11,9 @@ from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.data.suspicion import Suspicion
 from cobot_joint.system.model import Component, System
 from cobot_joint.system.shafts import RATES, turning_with
+from cobot_joint.system.wiring import CURRENT_MODE
 
+SET_VALUE = "set_value"  # a motor's input, in V where its drive is in voltage mode
 LIMITED = {"drive.w_max": "w", "drive.i_peak": "i"}  # parameter, 0: no limit -> the output that it limits
 BEYOND = 1.05  # of a limit, that a recording is beyond it; within as much the simulation is held there
 OVERRUN = 1.25  # times the supply, that a back-EMF is beyond it: a motor's constant and a supply are known to a tenth
@@ -24,6 +26,7 @@ def beyond_limits(
     """The first recording that goes beyond a limit at which the nominal system is held, for every limit; and the first
     that turns a motor faster than its supply lets the nominal system."""
     yield from _beyond_supply(recordings, simulate, systems)
+    yield from _asked_beyond_supply(recordings, systems)
     told: set[str] = set()
     for r in recordings:
         for name, limit, value in _limits(systems[r.setup], r):
@@ -60,6 +63,27 @@ def _beyond_supply(
                     f"supply voltage belongs into [parameters]"
                 )
                 yield Suspicion(r.name, name, "limit", words, wrong=True)
+
+
+def _asked_beyond_supply(recordings: Sequence[Recording], systems: Mapping[str, System]) -> Iterator[Suspicion]:
+    """Voltages that are asked of a drive and that its supply has not: a machine with that supply is held as well."""
+    told: set[str] = set()
+    for r in recordings:
+        for wire in systems[r.setup].connections:
+            u = r.inputs.get(wire.source) if wire.source_component is None else None
+            drive = systems[r.setup].component(wire.sink_component) if wire.sink_component else None
+            if u is None or drive is None or wire.sink != SET_VALUE or "inverter.v_bus" not in drive.unit.variables:
+                continue
+            full = f"{drive.name}.inverter.v_bus"
+            v_bus, k_v = r.initial.get(full, _value(drive, "inverter.v_bus")), _value(drive, "drive.k_v")
+            asked = _reached(k_v * (wire.factor * u + wire.offset))
+            if drive.parameters.get("drive.mode") != CURRENT_MODE and full not in told and asked > BEYOND * v_bus:
+                told.add(full)
+                words = (
+                    f"it asks for {asked:.4g} V, and {full} = {v_bus:.4g} V holds the simulation there: if the machine "
+                    "has more, its supply belongs into [parameters]"
+                )
+                yield Suspicion(r.name, wire.source, "limit", words)
 
 
 def _supplies(system: System, r: Recording) -> Iterator[tuple[str, str, tuple[float, float]]]:

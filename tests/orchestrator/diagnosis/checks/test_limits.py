@@ -123,3 +123,18 @@ def test_an_angle_that_begins_clearly_elsewhere_is_said_however_far_it_goes(begi
     system = chain(["motor"]).system
     found = list(begin_elsewhere([r], lambda r: {"phi": np.zeros(len(r.time))}, {"axis": system}))
     assert [s.kind for s in found] == ["start"] * said
+
+
+@pytest.mark.parametrize(
+    ("sheet", "volts", "said"),
+    [({}, 30.0, True), ({}, 24.5, False), ({"motor.v_bus": "48 V"}, 30.0, False),
+     ({"motor.drive.mode": "current"}, 30.0, False)],
+)  # fmt: skip
+def test_a_voltage_that_the_supply_has_not_is_said(sheet: dict[str, str], volts: float, said: bool) -> None:
+    system = with_data_sheet(chain(["motor", "load"]), sheet).system
+    r = Recording("a", "train", "axis", TIME, {"v_command": volts * np.sin(TIME)}, {}, {"v_command": "V"})
+    found = list(beyond_limits([r, r], lambda r: {}, {"axis": system}))
+    assert [s.kind for s in found] == ["limit"] * said
+    if said:
+        assert "and motor.inverter.v_bus = 24 V holds the simulation there" in found[0].evidence
+        assert not found[0].wrong

@@ -224,7 +224,8 @@ def _scoreboard(score: dict[str, Any]) -> None:
     rates = Table(title="scoreboard", title_justify="left", title_style="bold")
     for name in ("measure", "value", "of", "95 %"):
         rates.add_column(name, justify="left" if name == "measure" else "right")
-    for name, value in (score["summary"] | {"seconds_median": score["seconds_median"]}).items():
+    beside = {name: score[name] for name in ("true_value_in_interval", "seconds_median")}
+    for name, value in (score["summary"] | beside).items():
         if isinstance(value, dict):
             interval = "" if value["ci95"] is None else "{:.3f} to {:.3f}".format(*value["ci95"])
             rates.add_row(name, str(value["k"]), str(value["n"]), interval)

@@ -100,10 +100,14 @@ def judge(drawn: Drawn, diagnosis: Diagnosis) -> Row:
         x = features(f.gain, diagnosis.structure["repaired"], "unlisted" in s)
         true = bool(s & set(names)) or abstained
         findings.append({"term": f.term, "gain": f.gain, "features": x, "confidence": f.confidence, "true": true})
+    intervals = [
+        (value, e.ci95) for name, value in drawn.base.items() if (e := diagnosis.repaired.get(name)) and e.ci95
+    ]
     return {
         "colour": drawn.colour,
         "effects": effects,
         "findings": findings,
+        "inside": [bool(low <= value <= high) for value, (low, high) in intervals],
         "verdict": diagnosis.verdict,
         "structure": diagnosis.structure,
     }
@@ -130,9 +134,16 @@ def tables(rows: Sequence[Row]) -> str:
     for (low, high), *_ in COUNTED:
         given = [f["true"] for f in findings if low <= f["confidence"] < high]
         lines.append(_rate(f"{low:g} to {min(high, 1):g}", given))
+    lines += ["", "| 95 % intervals of base parameters | number | with the true value | 95 % |", "|---|---|---|---|"]
+    is_right = [all(e["named"] for e in r["effects"]) and all(f["true"] for f in r["findings"]) for r in rows]
+    for words, wanted in (("beside what was answered right", True), ("beside what was not", False)):
+        inside = [x for r, right in zip(rows, is_right, strict=True) if right == wanted for x in r.get("inside", [])]
+        lines.append(_rate(words, inside))
     squares = [(f["confidence"] - f["true"]) ** 2 for f in findings]
-    right = [r for r in rows if all(e["named"] for e in r["effects"]) and all(f["true"] for f in r["findings"])]
-    lines += ["", f"{len(rows)} campaigns, {len(right)} right; Brier score of the confidences {np.mean(squares):.4f}"]
+    lines += [
+        "",
+        f"{len(rows)} campaigns, {sum(is_right)} right; Brier score of the confidences {np.mean(squares):.4f}",
+    ]
     return "\n".join(lines)
 
 

@@ -18,6 +18,7 @@ from joblib import Parallel, delayed
 from cobot_joint.diagnosis.data.campaign import holdouts, missing_recordings
 from cobot_joint.diagnosis.evaluation import field_score
 from cobot_joint.diagnosis.evaluation import score as case_score
+from cobot_joint.diagnosis.evaluation.coverage import coverage
 from cobot_joint.diagnosis.evaluation.score import broken_seals
 from cobot_joint.diagnosis.store import plain, read_object
 from cobot_joint.errors import UserError
@@ -83,6 +84,7 @@ def prove(
     if score is not None:
         score["baseline"] = baseline
         score["seconds_median"] = seconds_median(cases, out)
+        score["true_value_in_interval"] = coverage(answers or {}, out)
         text = json.dumps(plain(score), indent=1) + "\n"
         write_atomically(out / "scoreboard.json", lambda file: file.write_text(text))
     broken = broken_seals(answers, seals) if answers is not None and seals is not None else None

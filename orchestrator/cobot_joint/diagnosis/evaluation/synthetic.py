@@ -52,6 +52,7 @@ class Drawn:
     campaign: Campaign
     colour: float
     effects: tuple[Concealed, ...]
+    base: Mapping[str, float]  # true values of the parameters that have a tolerance
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,8 @@ class Bench:
     def recorded(self, outputs: Sequence[Signals], concealed: Sequence[Concealed], rng: np.random.Generator) -> Drawn:
         """With the logger's noise on these outputs, one per recording."""
         recordings = [_noisy(r, o, self.noise, rng) for r, o in zip(self.campaign.recordings, outputs, strict=True)]
-        return Drawn(replace(self.campaign, recordings=recordings), self.colour, tuple(concealed))
+        campaign, base = replace(self.campaign, recordings=recordings), self.healthy.run.values
+        return Drawn(campaign, self.colour, tuple(concealed), base)
 
 
 class Concealer:

@@ -48,6 +48,20 @@ def test_finished_cases_are_kept_as_they_are_and_scored(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "scoreboard.json").read_text())["summary"] == proof.score["summary"]
 
 
+def test_intervals_that_hold_the_true_value_are_counted(tmp_path: Path) -> None:
+    """Not that of the gap, which is what was concealed: its published value is the one before."""
+    gap = {"name": "backlash", "accept": ["planetary_gear.backlash"]}
+    truth = {"effects": [gap], "true_parameters": {"R": 0.21, "kt": 0.0233, "backlash": 0.0175, "ke": 0.0233}}
+    names = {"motor_bldc.winding.R": [0.2, 0.22], "motor_bldc.winding.k": [0.0234, 0.0236]}
+    repaired = {name: {"value": low, "ci95": [low, high]} for name, (low, high) in names.items()}
+    repaired["planetary_gear.mesh.b"] = {"value": 0.03, "ci95": [0.029, 0.031]}
+    sealed_set(tmp_path, [HEALTHY | {"repaired": repaired}], published=False)
+    (tmp_path / "answers.json").write_text(json.dumps({"case00": truth}))
+    proof = prove(tmp_path, jobs=1)
+    assert proof.score
+    assert proof.score["true_value_in_interval"] == {"k": 1, "n": 2, "rate": 0.5, "ci95": [0.095, 0.905]}
+
+
 def test_a_case_without_its_recordings_is_left_as_it_is_and_said(tmp_path: Path) -> None:
     sealed_set(tmp_path, [HEALTHY, None], published=False)
     for case in ("case00", "case01"):

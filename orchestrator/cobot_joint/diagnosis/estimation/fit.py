@@ -33,9 +33,7 @@ class Fit:
     simulated: Simulated
     jacobian: Vector  # d(simulated)/dx, (rows, len(x))
     steps: int
-    errors: Vector | None = (
-        None  # length of what each column of the Jacobian may be off by, (len(x),); None: as good as 0
-    )
+    errors: Vector | None = None  # length of what each column may be off by, (len(x),); None: as good as 0
 
     @property
     def cost(self) -> float:

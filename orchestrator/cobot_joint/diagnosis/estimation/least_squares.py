@@ -86,10 +86,12 @@ def sharpened(problem: Problem, found: Fit) -> Fit:
     and that had been known to 0.7 %. Itself where there are none, or they cannot be simulated."""
     J, x, coordinates = found.jacobian, found.x, found.hypothesis.coordinates
     columns = _alike(J, found.hypothesis.prior)
+    if not columns:
+        return found
     ahead, back = (
         difference(problem, found.hypothesis, x, found.simulated, columns, times) for times in (FINER, -FINER)
     )
-    if not columns or ahead is None or back is None:
+    if ahead is None or back is None:
         return found
     steps = FINER * np.array([_step(problem, coordinates[k], float(x[k])) for k in columns])
     ends = np.array([(coordinates[k].lower, coordinates[k].upper) for k in columns])

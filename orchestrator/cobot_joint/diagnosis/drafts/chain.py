@@ -148,11 +148,13 @@ PARTS: dict[str, Part] = {
 }  # fmt: skip
 ALIASES = {  # as data sheets call them
     "terminal_resistance": "winding.R", "terminal_inductance": "winding.L", "torque_constant": "winding.k",
+    "resistance": "winding.R", "inductance": "winding.L", "back_emf_constant": "winding.k", "k_e": "winding.k",
     "k_M": "winding.k", "k_t": "winding.k", "rotor_inertia": "rotor.J", "reduction": "ratio.N",
     "gear_ratio": "ratio.N", "ratio": "ratio.N", "i": "ratio.N", "efficiency": "mesh.eta", "backlash": "mesh.b",
-    "stiffness": "mesh.c", "rated_torque": "amplifier.tau_rated",
-    "supply_voltage": "inverter.v_bus", "pitch": "body.lead", "coulomb_friction": "friction.tau_C",
-    "viscous_friction": "friction.d", "quadratic": "windage.c", "fan": "windage.c", "windage": "windage.c",
+    "stiffness": "mesh.c", "rated_torque": "amplifier.tau_rated", "supply_voltage": "inverter.v_bus",
+    "pitch": "body.lead", "friction": "friction.tau_C", "friction_torque": "friction.tau_C",
+    "coulomb_friction": "friction.tau_C", "viscous_friction": "friction.d", "quadratic": "windage.c",
+    "fan": "windage.c", "windage": "windage.c",
 }  # fmt: skip
 INERTIA = ("rotor.J", "body.J", "arm.J_l", "wave_generator.J_coupled", "eccentric.J_coupled", "housing.J_coupled")
 SEVERAL = {"J": INERTIA, "inertia": INERTIA, "input_inertia": INERTIA, "mass": ("body.m", "arm.m")}  # by the unit

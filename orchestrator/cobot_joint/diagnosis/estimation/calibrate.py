@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cobot_joint.cosim.clock import SLIGHT
 from cobot_joint.diagnosis.data.campaign import Campaign
@@ -16,15 +17,16 @@ from cobot_joint.diagnosis.estimation.hypothesis import Hypothesis, tolerances
 from cobot_joint.diagnosis.estimation.least_squares import Precision, fit
 from cobot_joint.diagnosis.estimation.multiscale import out_of_local_minimum
 from cobot_joint.diagnosis.estimation.noise import Noise
-from cobot_joint.diagnosis.estimation.problem import Problem, Run, Simulated, Vector
+from cobot_joint.diagnosis.estimation.problem import STRETCHES, Problem, Run, Simulated, Vector
 from cobot_joint.diagnosis.plant.knots import on_fewer_knots
 from cobot_joint.diagnosis.plant.plant import Plant, SimulationError
 from cobot_joint.diagnosis.store import Store
 
 SETTLED = 0.02  # of what is above noise, that a re-fit may leave to its next step
-KNOTS = (2, 4, 8, 16)  # samples from one to the next
+KNOTS = (2, 4, 8, 16, 32, 64, 128)  # samples from one to the next
 UNFELT = 0.1  # of what a term must take, that a coarser simulation may change,
 UNSEEN = 1e-5  # or of what the base model leaves: a three-hundredth of its amplitude
+BY_CHANCE = 3.0  # sigma, up to which a simulation may come closer so
 CALIBRATION = Precision(settled=10.0, roughly=SETTLED, jacobians=8)
 Progress = Callable[[str], None]
 
@@ -73,38 +75,65 @@ def with_long_steps(problem: Problem, run: Run) -> Problem:
         return problem
     (followed,) = problem.simulate([run])
     tried = [replace(r, coarse=True) if _noisy_inputs(r) else r for r in problem.recordings]
-    same = _unfelt(problem, followed, tried, run)
-    return _of(problem, _where(same, tried, problem.recordings))
+    (found,) = _of(problem, tried).simulate([run])
+    if followed is None or found is None:
+        return problem
+    return _of(problem, _where(_unfelt(problem, followed, found), tried, problem.recordings))
 
 
 def with_quiet_inputs(problem: Problem, run: Run) -> Problem:
-    """With measured inputs on as few knots as make no difference to what is compared: a simulation that follows the
-    noise of a current from sample to sample takes up to five times as long, and says the same. The problem itself where
+    """With measured inputs on as few knots as make no difference to what is compared, or bring the simulation closer to
+    it: one that follows the noise of a current from sample to sample takes up to five times as long and says the same,
+    and the noise of a voltage's log, which no motor felt, shows in its current. What changes a simulation by d adds d'd
+    to what it leaves where the input was as logged, and takes as much where that was noise. The problem itself where
     its inputs have no such noise, or every sample counts. run: at which that is asked."""
     if problem.is_table or not any(_noisy_inputs(r) for r in problem.recordings):
         return problem
     (followed,) = problem.simulate([run])
-    quiet = list(problem.recordings)
+    if followed is None:
+        return problem
+    quiet, kept = list(problem.recordings), followed.white.copy()
     for every in KNOTS:
         tried = [_on_fewer_knots(r, every) for r in problem.recordings]
-        same = _unfelt(problem, followed, tried, run)
-        if not any(same):
+        (found,) = _of(problem, tried).simulate([run])
+        if found is None:
             break
-        quiet = _where(same, tried, quiet)
+        fewer = np.array([_turns(new) < _turns(old) for new, old in zip(tried, quiet, strict=True)])
+        good = (fewer & _unfelt(problem, followed, found)) | _closer(problem, kept, found.white)
+        quiet = _where(good, tried, quiet)
+        for n in np.flatnonzero(good):
+            rows = problem.rows_of([int(n)])
+            kept[rows] = found.white[rows]
     return _of(problem, quiet)
 
 
-def _unfelt(problem: Problem, followed: Simulated | None, tried: Sequence[Recording], run: Run) -> list[bool]:
-    """Of each recording, whether what is compared stays the same if it is simulated like this. followed: how it is."""
-    (found,) = _of(problem, tried).simulate([run])
-    if followed is None or found is None:
-        return [False for _ in tried]
-    off, above = (followed.white - found.white) ** 2, problem.above(problem.recorded - followed.white)
-    least = max(UNFELT * problem.evidence, UNSEEN * above) / len(tried)
-    return [float(off[problem.rows_of([n])].sum()) < least for n in range(len(tried))]
+def _closer(problem: Problem, kept: Vector, found: Vector) -> NDArray[np.bool_]:
+    """Of each recording, whether the second simulation leaves less than the first, by half of what is between the two
+    at least, and by more than chance from stretch to stretch, (recordings,). kept, found: whitened, (rows,)"""
+    gains = _of_each(problem, problem.recorded - kept) - _of_each(problem, problem.recorded - found)
+    gained, scatter = gains.sum(axis=1), np.sqrt(STRETCHES) * gains.std(axis=1)
+    half = _of_each(problem, kept - found).sum(axis=1) / 2
+    return np.asarray((gained > half) & (gained > BY_CHANCE * scatter))
 
 
-def _where(same: Sequence[bool], new: Sequence[Recording], old: Sequence[Recording]) -> list[Recording]:
+def _of_each(problem: Problem, rows: Vector) -> Vector:
+    """Sums of squares over the stretches of each recording, (recordings, STRETCHES)"""
+    found = np.zeros((len(problem.recordings), STRETCHES))
+    for block in problem.blocks:
+        squares = rows[block.rows] ** 2
+        at = np.arange(len(squares)) * STRETCHES // len(squares)
+        found[block.recording] += np.bincount(at, squares, STRETCHES)
+    return found
+
+
+def _unfelt(problem: Problem, followed: Simulated, found: Simulated) -> NDArray[np.bool_]:
+    """Of each recording, whether what is compared is the same in both simulations, (recordings,)."""
+    above = problem.above(problem.recorded - followed.white)
+    least = max(UNFELT * problem.evidence, UNSEEN * above) / len(problem.recordings)
+    return np.asarray(_of_each(problem, followed.white - found.white).sum(axis=1) < least)
+
+
+def _where(same: NDArray[np.bool_], new: Sequence[Recording], old: Sequence[Recording]) -> list[Recording]:
     return [x if alike else y for alike, x, y in zip(same, new, old, strict=True)]
 
 
@@ -121,11 +150,17 @@ def _as_simulated(problem: Problem) -> list[tuple[bool, list[int]]]:
 
 def _noisy_inputs(recording: Recording) -> list[str]:
     """Those that turn at most samples."""
+    return [n for n, x in recording.inputs.items() if n not in recording.held and np.mean(_is_turn(x)) > 0.5]
 
-    def turns(x: Vector) -> float:
-        return float(np.mean(np.abs(np.diff(x, 2)) > SLIGHT * np.max(np.abs(x), initial=0.0)))
 
-    return [name for name, x in recording.inputs.items() if name not in recording.held and turns(x) > 0.5]
+def _turns(recording: Recording) -> int:
+    """Samples at which an input turns, over all inputs."""
+    return sum(int(_is_turn(x).sum()) for x in recording.inputs.values())
+
+
+def _is_turn(x: Vector) -> NDArray[np.bool_]:
+    """(n - 2,)"""
+    return np.asarray(np.abs(np.diff(x, 2)) > SLIGHT * np.max(np.abs(x), initial=0.0))
 
 
 def _on_fewer_knots(recording: Recording, every: int) -> Recording:

@@ -74,6 +74,7 @@ def diagnose(
     from cobot_joint.diagnosis.data.campaign import load_campaign
     from cobot_joint.diagnosis.data.recording import said_once
     from cobot_joint.diagnosis.frequency.response import is_response
+    from cobot_joint.diagnosis.report.headline import how_sure, next_step
     from cobot_joint.diagnosis.report.words import left_out
     from cobot_joint.diagnosis.run import diagnose_campaign
     from cobot_joint.results.files import read_json
@@ -104,13 +105,14 @@ def diagnose(
         console.print(f"[yellow]{escape(said)}[/yellow]", soft_wrap=True)
     if content["findings"]:
         console.print(_findings(content["findings"]))
+    for finding in content["findings"]:
+        console.print(f"[dim]{escape(finding['term'])}: {escape(how_sure(finding, content))}[/dim]", soft_wrap=True)
     roles = [r for r in ("train", "holdout") if any(r in c for c in content["channels"].values())]
     for role in roles:
         title = {"train": "training runs", "holdout": "held-out runs"}[role]
         figures = {n: {"noise": c["noise"], **c[role]} for n, c in content["channels"].items() if role in c}
         _print_figures(title, figures, result.units, content.get("repair"))
-    if content.get("next_experiment"):
-        console.print(f"next: {escape(content['next_experiment'])}", soft_wrap=True)
+    console.print(f"next: {escape(next_step(content))}", soft_wrap=True)
     for path in result.files:
         console.print(path, soft_wrap=True)
     return read_json(folder / "diagnosis.json")
@@ -161,7 +163,8 @@ def verify(
     loaded = load_campaign(campaign, roles=("train", "holdout") if has_training(campaign) else ("holdout",))
     content = run(folder, loaded)
     units = {name: unit for recording in loaded.recordings for name, unit in recording.units.items()}
-    console.print(f"repaired system: {escape(content['system'])}", soft_wrap=True)
+    withheld = ", withheld: see what diagnose said" if diagnosis.get("repair") == "withheld" else ""
+    console.print(f"repaired system{withheld}: {escape(content['system'])}", soft_wrap=True)
     _print_figures("held-out runs", content["channels"], units, diagnosis.get("repair"))
     if why := content.get("not_predicted"):
         console.print(f"[yellow]no prediction from short distances: {escape(why)}[/yellow]", soft_wrap=True)

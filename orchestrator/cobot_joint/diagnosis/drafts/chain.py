@@ -68,7 +68,7 @@ PARTS: dict[str, Part] = {
                     "inverter.v_bus", "drive.v_max", "drive.i_peak", "drive.w_max"),
         feeds={"v_command": ("set_value", "set value of the drive")},
         values={**UNLIMITED, **STICKS}, shows={"i_motor": ("i", "motor current"), "w_motor": ("w", "motor speed")},
-        fits={"winding.R": "5 %", "winding.k": "3 %", "rotor.J": "4 %"} | FRICTION,
+        fits={"winding.R": "5 %", "winding.L": "10 %", "winding.k": "3 %", "rotor.J": "4 %"} | FRICTION,
     ),
     "motion": Part(
         "driven_load", "the motion as it was recorded, whatever torque that takes", after=("phi", "w", "tau"),
@@ -105,7 +105,8 @@ PARTS: dict[str, Part] = {
     "sensor": Part(
         "torque_sensor", "torque sensor", before=("phi_o", "w_o", "tau_s"), after=("phi_p", "w_p", "tau_s"),
         data_sheet=("shaft.c_s", "shaft.d_s", "amplifier.tau_rated"),
-        shows={"tau_sensor": ("tau_reading", "the torque sensor's reading")}, fits={"shaft.d_s": ASSUMED},
+        shows={"tau_sensor": ("tau_reading", "the torque sensor's reading")},
+        fits={"shaft.c_s": OFFERED, "shaft.d_s": ASSUMED},
     ),
     "shaft": Part(
         "torque_sensor", "shaft or coupling", before=("phi_o", "w_o", "tau_s"), after=("phi_p", "w_p", "tau_s"),
@@ -355,7 +356,7 @@ def tolerances(component: Component, fits: Mapping[str, str]) -> dict[str, str]:
     has = {term.amplitude: term.neutral for term in component.unit.terms if term.amplitude is not None}
     lines |= {n: GIVEN for n, none in has.items() if float(component.parameters.get(n, none)) != none}
     if component.parameters.get("drive.mode") == CURRENT_MODE:  # its loop gives whatever voltage the current takes
-        lines.pop("winding.R", None)
+        lines = {n: line for n, line in lines.items() if n not in ("winding.R", "winding.L")}
         lines["drive.w_c"] = LOOP
     if lines.get("friction.tau_C") and component.parameters.get("friction.law") != STICKS["friction.law"]:
         w_C = float(component.parameters.get("friction.w_C", component.unit.variables["friction.w_C"].start) or 0.0)

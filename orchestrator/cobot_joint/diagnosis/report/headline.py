@@ -229,15 +229,16 @@ def next_step(d: Json) -> str:
     if d.get("next_experiment"):
         return str(d["next_experiment"])
     if d["verdict"] == "nothing_missing":
-        return "Nothing has to be added. The calibrated values below fit best; repaired.ssp has them."
+        return "Nothing has to be added. The calibrated values fit best; repaired.ssp has them."
     if d.get("repair") == "withheld":
-        return "Do not use the repair. See below where the difference lies, and record a longer run with more movement."
+        return "Do not use the repair. Look in report.html where the difference lies, and record a longer run with more movement."
     if not d["findings"]:
-        return "See below where the difference lies: by component, condition and time."
+        return "Look in report.html where the difference lies: by component, condition and time."
     tested = any("holdout" in c for c in d["channels"].values())
     if max(f.get("confidence") or 0.0 for f in d["findings"]) < thresholds.EVEN:
         return (
-            "Do not rely on the name: see below where the difference lies. repaired.ssp has the nearest one modelled."
+            "Do not rely on the name: look in report.html where the difference lies. repaired.ssp has the nearest one "
+            "modelled."
         )
     use = "repaired.ssp has it modelled, and opens in other simulators."
     return use if tested else f'{use} Record one more run and give it role = "holdout": the repair is untested.'

@@ -48,6 +48,7 @@ def test_a_wheel_that_is_logged_from_a_speed_on_lacks_nothing(tmp_path: Path, co
     done = cobot_joint("diagnose", "f/campaign.toml", "--out", "answer")
     assert done.returncode == 0, done.stderr
     assert "Nothing is missing: inside its tolerances the system explains" in done.stdout
+    assert "next: Nothing has to be added." in done.stdout
 
 
 def test_a_rotor_that_coasts_tells_its_windage(tmp_path: Path, cobot_joint: Callable[..., Done]) -> None:

@@ -63,6 +63,10 @@ def test_inspect_says_that_there_is_no_such_system_before_it_reads_logs(cobot_jo
         ("motor,gear,load", "motor.J", "motor.rotor.J"),
         ("motor,gear,load", "load.inertia", "load.body.J"),
         ("motor,gear,load", "load.fan", "load.windage.c"),
+        ("motor,load", "motor.resistance", "motor.winding.R"),
+        ("motor,load", "motor.inductance", "motor.winding.L"),
+        ("motor,load", "motor.back_emf_constant", "motor.winding.k"),
+        ("motor,load", "motor.friction", "motor.friction.tau_C"),
     ],
 )
 def test_a_name_that_data_sheets_use_is_the_units_own(names: str, key: str, parameter: str) -> None:

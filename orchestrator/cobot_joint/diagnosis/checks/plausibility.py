@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from cobot_joint.diagnosis.checks.beside_nominal import beside_nominal
@@ -9,7 +11,9 @@ from cobot_joint.diagnosis.checks.limits import beyond_limits
 from cobot_joint.diagnosis.checks.starts import begin_elsewhere
 from cobot_joint.diagnosis.checks.suspicions import suspicions
 from cobot_joint.diagnosis.data.campaign import Campaign
+from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.data.suspicion import Suspicion
+from cobot_joint.diagnosis.plant.lost import lost
 from cobot_joint.diagnosis.plant.simulator import Simulator
 from cobot_joint.errors import UserError, among
 from cobot_joint.system.wiring import driving
@@ -39,11 +43,29 @@ def plausible(campaign: Campaign) -> list[Suspicion]:
         found += begin_elsewhere(runs, simulate, systems)
         found += beyond_limits(runs, simulate, systems)
         found += beside_nominal(runs, simulate, ratios)
+        found += [] if any(s.wrong for s in found) else _lost(runs, simulate)
     campaign.suspicions = found
     for suspicion in found:
         if suspicion.wrong:
             raise UserError(f"{campaign.path}: {suspicion}")
     return found
+
+
+def _lost(runs: Sequence[Recording], simulate: Simulator) -> list[Suspicion]:
+    """Runs in which the nominal system goes its own way: a value of its data sheet is far off, or what holds it where
+    it is lies in no column."""
+    return [
+        Suspicion(
+            one.recording,
+            one.channel,
+            "lost",
+            f"from {one.since:.3g} s on the free run with nominal values goes its own way, up to {one.off:.3g} "
+            f"off where the recordings span {one.span:.3g}: a value of the data sheet may be far off (a mass, a ratio, "
+            "a torque constant), or the motion is unstable there, as beyond the top; if so, drive the system with the "
+            "recorded motion and compare the torque",
+        )
+        for one in lost(runs, [simulate(r) for r in runs])
+    ]
 
 
 def _driven(campaign: Campaign, simulate: Simulator) -> None:

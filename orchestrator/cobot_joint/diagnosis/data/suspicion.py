@@ -17,7 +17,7 @@ from cobot_joint.diagnosis.data.recording import LeftOut, Recording
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Kind = Literal[
-    "factor", "sign", "swapped", "late", "clock drifts", "drift", "limit", "start",  # beside the nominal system
+    "factor", "sign", "swapped", "late", "clock drifts", "drift", "limit", "start", "lost",  # beside the nominal system
     # from the data alone
     "clipped", "frozen", "held", "bridged", "outlier", "not excited", "inertia differs", "duplicate",
 ]  # fmt: skip

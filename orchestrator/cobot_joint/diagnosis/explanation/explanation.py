@@ -14,6 +14,7 @@ from cobot_joint.diagnosis.estimation.problem import Problem
 from cobot_joint.diagnosis.estimation.projection import solve
 from cobot_joint.diagnosis.findings import Diagnosis, Estimate, Finding, Ground, Verdict
 from cobot_joint.diagnosis.localization.evidence import where_it_shows
+from cobot_joint.diagnosis.plant.lost import lost
 from cobot_joint.diagnosis.selection.confidence import BESIDE_MUCH, COUNTED_TERMS, beside_background, confidence
 from cobot_joint.diagnosis.selection.misreading import Misread
 from cobot_joint.diagnosis.selection.selection import Selected, Selection
@@ -63,6 +64,9 @@ def answer(problem: Problem, explanation: Explanation) -> Diagnosis:
         findings = [_beside(f, explanation.rival) if f.term in instead_of else f for f in findings]
     if problem.stands_out(explanation.fit.residual) and not problem.is_table:
         findings = [f.limited(BESIDE_MUCH, "what is left stands out from the noise") for f in findings]
+    if problem.stands_out(explanation.fit.residual) and lost(problem.recordings, before.simulated.outputs):
+        why = "free runs of the re-fitted system go their own way, so that fits in them say little"
+        findings = [f.withheld(why) for f in findings]
     if explanation.fit.is_strained(problem.stretches(explanation.fit.residual)):
         findings = [f.withheld("with it many parameters end at the ends of their tolerances") for f in findings]
     if explanation.anchored and not explanation.anchored.named:

@@ -231,7 +231,10 @@ def next_step(d: Json) -> str:
     if d["verdict"] == "nothing_missing":
         return "Nothing has to be added. The calibrated values fit best; repaired.ssp has them."
     if d.get("repair") == "withheld":
-        return "Do not use the repair. Look in report.html where the difference lies, and record a longer run with more movement."
+        return (
+            "Do not use the repair. Look in report.html where the difference lies, and record a longer run with more "
+            "movement."
+        )
     if not d["findings"]:
         return "Look in report.html where the difference lies: by component, condition and time."
     tested = any("holdout" in c for c in d["channels"].values())

@@ -62,6 +62,16 @@ def speeds_with(system: System, name: str) -> dict[str, float]:
     return found
 
 
+def angles_with(system: System, place: str) -> dict[str, float]:
+    """States of shafts that turn with an angle, itself among them -> how many times as far; of a way it alone."""
+    units = {c.name: c.unit for c in system.components}
+    states = {f"{name}.{state}" for name, unit in units.items() for state in unit.states}
+    angles = {n for n in states if units[n.split(".")[0]].unit_of(n.split(".", 1)[1]) == "rad"}
+    if place not in angles:
+        return {place: 1.0}
+    return {name: times for name, times in turning_with(system, place).items() if name in angles}
+
+
 def _wires(system: System) -> Iterator[Link]:
     for w in system.connections:
         if w.source_component is None or w.sink_component is None or w.factor == 0 or w.offset != 0:

@@ -14,7 +14,7 @@ from cobot_joint.diagnosis.data.quantity import is_position
 from cobot_joint.diagnosis.data.recording import Recording
 from cobot_joint.diagnosis.data.suspicion import Suspicion
 from cobot_joint.system.model import System
-from cobot_joint.system.shafts import speeds_with
+from cobot_joint.system.shafts import angles_with, speeds_with
 from cobot_joint.system.wiring import shown_by
 
 FIRST = 3  # samples that are simulated
@@ -45,9 +45,10 @@ def begin_elsewhere(
 
 
 def _states(system: System, name: str, units: Mapping[str, str]) -> dict[str, float]:
-    """What says where an output begins -> how many times it: a position itself, of a speed all that turns with it."""
+    """What says where an output begins -> how many times it: all that turns with it. A shaft that began elsewhere than
+    the next would be wound up: a table 0.5 rad from its gear pulled at it with 6500 N.m."""
     if is_position(units.get(name)):
-        return {shown_by(system).get(name, name): 1.0}
+        return angles_with(system, shown_by(system).get(name, name))
     return speeds_with(system, name)
 
 

@@ -13,7 +13,7 @@ from cobot_joint.diagnosis.data.formats import Channel
 from cobot_joint.diagnosis.data.parameters import first_sample
 from cobot_joint.diagnosis.drafts.campaign_text import Guess
 from cobot_joint.system.model import System
-from cobot_joint.system.shafts import speeds_with, turning_with
+from cobot_joint.system.shafts import angles_with, speeds_with
 from cobot_joint.system.wiring import shown_by
 
 
@@ -36,7 +36,7 @@ def starts(system: System, guesses: Sequence[Guess], logs: Sequence[Sequence[Cha
     found: dict[str, str] = {}
     for name, connector in places["m"] + (places["rad"] if len(places["rad"]) == 1 else []):
         if any(begins_apart(x, 0.0) is not None for x in _everywhere(columns[connector], logs)):
-            found |= {angle: first_sample(connector, times) for angle, times in _with_it(system, name).items()}
+            found |= {angle: first_sample(connector, times) for angle, times in angles_with(system, name).items()}
     return found | _in_motion(system, guesses, logs)
 
 
@@ -54,13 +54,3 @@ def _in_motion(system: System, guesses: Sequence[Guess], logs: Sequence[Sequence
         if states and any(begins_apart(x, 0.0) is not None for x in _everywhere(g.column, logs)):
             found = {state: first_sample(g.connector, times) for state, times in states.items()} | found
     return found
-
-
-def _with_it(system: System, place: str) -> dict[str, float]:
-    """States of shafts that turn with an angle, itself among them -> how many times as far; of a way it alone."""
-    units = {c.name: c.unit for c in system.components}
-    states = {f"{name}.{state}" for name, unit in units.items() for state in unit.states}
-    angles = {n for n in states if units[n.split(".")[0]].unit_of(n.split(".", 1)[1]) == "rad"}
-    if place not in angles:
-        return {place: 1.0}
-    return {name: times for name, times in turning_with(system, place).items() if name in angles}

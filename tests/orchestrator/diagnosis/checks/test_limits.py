@@ -113,6 +113,16 @@ def test_a_speed_that_a_log_begins_with_is_said_with_all_that_turns_with_it(
         assert '"load.x_w" = "first sample of w_motor * 0.02"' in found[0].evidence
 
 
+def test_an_angle_behind_a_gear_is_said_with_all_that_turns_with_it() -> None:
+    """Of a table half a radian from zero its own angle alone was said: the gear would have been wound up by as much."""
+    geared = with_data_sheet(chain(["motor", "harmonic", "load"]), {"harmonic.N": "100"}).system
+    r = Recording("a", "train", "axis", TIME, {}, {"load.phi": 0.5 + TIME}, {"load.phi": "rad"})
+    (found,) = begin_elsewhere([r], lambda r: {"load.phi": np.zeros(len(r.time))}, {"axis": geared})
+    assert '"load.phi" = "first sample of load.phi"' in found.evidence
+    assert '"harmonic.phi_o" = "first sample of load.phi"' in found.evidence
+    assert '"motor.phi" = "first sample of load.phi * 100"' in found.evidence
+
+
 @pytest.mark.parametrize(("begins", "said"), [(0.37, True), (1e-4, False)])
 def test_an_angle_that_begins_clearly_elsewhere_is_said_however_far_it_goes(begins: float, said: bool) -> None:
     """A rotary table's motor went through 96 rad, from 0.37 on: its log was drift to the fit, and nobody said why."""

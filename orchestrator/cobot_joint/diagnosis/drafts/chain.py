@@ -44,6 +44,7 @@ FRICTION = {"friction.tau_C": "30 %", "friction.d": "30 %"}
 ASSUMED = "assumed"  # a damping, which no data sheet has
 TEETH = "teeth"  # their stiffness, which few data sheets have
 OFFERED = '# "30 %"   # stiffness: let it vary where a data sheet gave it'
+RISE = '# "10 %"   # inductance: let it vary where the log is quick enough to show how a current rises'
 LOOP = '# "30 %"   # bandwidth of the current loop: let it vary where commanded steps show how fast it is'
 GIVEN = '"30 %"   # guess: given beside the base model, so that it is as little known as friction'
 MASS = {"body.m": "5 %"}  # of a load that has one
@@ -68,7 +69,7 @@ PARTS: dict[str, Part] = {
                     "inverter.v_bus", "drive.v_max", "drive.i_peak", "drive.w_max"),
         feeds={"v_command": ("set_value", "set value of the drive")},
         values={**UNLIMITED, **STICKS}, shows={"i_motor": ("i", "motor current"), "w_motor": ("w", "motor speed")},
-        fits={"winding.R": "5 %", "winding.L": "10 %", "winding.k": "3 %", "rotor.J": "4 %"} | FRICTION,
+        fits={"winding.R": "5 %", "winding.L": RISE, "winding.k": "3 %", "rotor.J": "4 %"} | FRICTION,
     ),
     "motion": Part(
         "driven_load", "the motion as it was recorded, whatever torque that takes", after=("phi", "w", "tau"),
@@ -340,8 +341,8 @@ def tolerances(component: Component, fits: Mapping[str, str]) -> dict[str, str]:
     damping = "damping of these" if unknown else "damping, on no data sheet: let it vary if a resonance shows"
     lines = {}
     for n, off in fits.items():
-        if off == OFFERED:
-            lines[n] = OFFERED
+        if off in (OFFERED, RISE):
+            lines[n] = off
         elif nominal[n] == 0.0:
             lines[n] = ""
         elif off == ASSUMED:

@@ -64,9 +64,9 @@ def answer(problem: Problem, explanation: Explanation) -> Diagnosis:
         findings = [_beside(f, explanation.rival) if f.term in instead_of else f for f in findings]
     if problem.stands_out(explanation.fit.residual) and not problem.is_table:
         findings = [f.limited(BESIDE_MUCH, "what is left stands out from the noise") for f in findings]
-    if problem.stands_out(explanation.fit.residual) and lost(problem.recordings, before.simulated.outputs):
-        why = "free runs of the re-fitted system go their own way, so that fits in them say little"
-        findings = [f.withheld(why) for f in findings]
+        if lost(problem.recordings, before.simulated.outputs):
+            why = "free runs of the re-fitted system go their own way, so that fits in them say little"
+            findings = [f.withheld(why) for f in findings]
     if explanation.fit.is_strained(problem.stretches(explanation.fit.residual)):
         findings = [f.withheld("with it many parameters end at the ends of their tolerances") for f in findings]
     if explanation.anchored and not explanation.anchored.named:

@@ -220,7 +220,7 @@ def how_sure(f: Json, d: Json) -> str:
         return f"{said}; no finding as sure as this has been counted"
     return (
         f"{said}; of {findings} findings given {100 * low:.0f} to {100 * min(high, 1):.0f} % on drawn machines with "
-        f"known answers {right} were right"
+        f"known answers {right} {'was' if right == 1 else 'were'} right"
     )
 
 

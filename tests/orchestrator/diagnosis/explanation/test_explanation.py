@@ -44,6 +44,25 @@ def test_a_term_whose_size_may_be_none_is_no_claim(
     assert ("its size may be none" in finding.limited_by) != claimed
 
 
+@pytest.mark.parametrize(("times", "claimed"), [(1.0, True), (10.0, False)])
+def test_what_is_fitted_in_runs_that_lose_the_machine_and_leaves_much_is_no_claim(times: float, claimed: bool) -> None:
+    """An arm heavier than its sheet went over the top, and was a table at its gear, 65 %."""
+    case = campaign({"axis.windage.c": 1e-5, "axis.cogging.A": 0.02})
+    problem = Problem(Axis(), case.train, {"w": Noise(NOISE)})
+    free = tolerances(problem, FRICTION)
+    base = fit(problem, Hypothesis(free))
+    found = fit(problem, Hypothesis(free, (ActiveTerm(TERMS[0], {"axis.windage.c": 1e-5}),)))
+    assert base is not None
+    assert found is not None
+    assert problem.stands_out(found.residual)
+    elsewhere = tuple({name: times * x for name, x in run.items()} for run in base.simulated.outputs)
+    base = replace(base, simulated=replace(base.simulated, outputs=elsewhere))
+    selection = Selection([base, found], [Selected("axis.windage", base.cost - found.cost)])
+    (finding,) = answer(problem, Explanation(base, found, selection, selection.selected)).findings
+    assert (finding.confidence >= 0.5) == claimed
+    assert ("go their own way" in finding.limited_by) != claimed
+
+
 @pytest.mark.parametrize(("told", "claimed"), [(1.0, True), (1e-4, False)])
 def test_what_two_units_have_together_is_a_claim_though_either_may_have_none(told: float, claimed: bool) -> None:
     """Machine 127/12: a motor's and a gear's friction act alike. told: how much of their sum the recordings tell."""
